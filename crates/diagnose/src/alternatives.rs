@@ -1,0 +1,201 @@
+//! What else could explain a finding: each other candidate in its place, on the same blocks.
+
+use pkm_dyn::math;
+
+use crate::columns::Family;
+use crate::contest::{own_columns, reading};
+use crate::design::ColumnId;
+use crate::final_fit::student_95;
+use crate::gram::Cross;
+use crate::screen::{self, Base};
+use crate::settings::{ALIAS_SHARE, LOOK_ALIKE_SHARE, PRIORS, WEAK_ALIAS_SHARE};
+use crate::solve::Over;
+use crate::verdict::{EffectAt, LookAlike};
+use crate::work::{Candidate, Variant, Work};
+
+/// Another candidate in a finding's place.
+#[derive(Debug, Clone)]
+struct Rival {
+    effect: &'static str,
+    place: Vec<String>,
+    /// Held-out squared error it takes away, as a share of what the finding takes away.
+    share: f64,
+    /// Whether the finding beats it in the blocks more clearly than chance (paired t-test over blocks, 95 %).
+    is_beaten: bool,
+    /// Physical veto; empty when it reads as possible.
+    veto: String,
+}
+
+/// Aliases and rejected look-alikes of the pick at `index`.
+pub(crate) fn alternatives(work: &Work, index: usize) -> (Vec<EffectAt>, Vec<LookAlike>) {
+    let own_name = name(work, index);
+    let mut rivals = rivals(work, &[index]);
+    let siblings: Vec<usize> = (0..work.picks.len()).filter(|&i| name(work, i) == own_name).collect();
+    if own_name == "torque_constant" {
+        // A wrong mass shows at several drives at once, so it competes with all wrong scales together.
+        rivals.extend(self::rivals(work, &siblings).into_iter().filter(|r| r.effect == "payload" || r.effect == "inertia_error"));
+        rivals.extend(whole_body(work, &siblings));
+    }
+    rivals.sort_by(|a, b| b.share.total_cmp(&a.share));
+    let mut same = Vec::new();
+    let mut rejected: Vec<LookAlike> = Vec::new();
+    for r in rivals {
+        let separating_experiment = experiment(own_name, r.effect);
+        let is_alias = r.share >= ALIAS_SHARE || (r.share >= WEAK_ALIAS_SHARE && !r.is_beaten);
+        if is_alias && r.veto.is_empty() {
+            if !same.iter().any(|s: &EffectAt| s.effect == r.effect && s.place == r.place) {
+                same.push(EffectAt { effect: r.effect.to_string(), place: r.place, separating_experiment });
+            }
+        } else if r.effect != own_name && r.share >= LOOK_ALIKE_SHARE && !rejected.iter().any(|l| l.effect == r.effect) {
+            let why_not = if r.veto.is_empty() {
+                format!("in its place it explains {:.0} % of what {own_name} explains", 100.0 * r.share.max(0.0))
+            } else {
+                format!("as a fit it would be impossible: {}", r.veto)
+            };
+            rejected.push(LookAlike { effect: r.effect.to_string(), place: r.place, why_not, separating_experiment });
+        }
+    }
+    // The usual suspects are answered for even where they explain next to nothing.
+    for l in work.candidates[work.picks[index].candidate].effect.entry().look_alikes {
+        let is_known = pkm_dyn::effects::find(l.effect).is_some();
+        let is_said = same.iter().any(|s| s.effect == l.effect) || rejected.iter().any(|r| r.effect == l.effect);
+        let tried = work.candidates.iter().position(|c| c.effect_name() == l.effect && is_at(work, c, index));
+        let Some(tried) = tried.filter(|c| is_known && !is_said && !work.picks.iter().any(|p| p.candidate == *c)) else { continue };
+        let why_not = if is_wider_law(work, tried, index) {
+            format!("its law contains {own_name}; what it adds to it does not pay on held-out blocks")
+        } else {
+            format!("in its place it explains less than {:.0} % of what {own_name} explains", 100.0 * LOOK_ALIKE_SHARE)
+        };
+        let place = vec![work.candidates[tried].name.clone()];
+        rejected.push(LookAlike { effect: l.effect.to_string(), place, why_not, separating_experiment: l.experiment.to_string() });
+    }
+    (same, rejected)
+}
+
+/// Whether a candidate sits where the pick does, or acts there at all when it is of another kind of place.
+fn is_at(work: &Work, c: &Candidate, pick: usize) -> bool {
+    let own = &work.candidates[work.picks[pick].candidate];
+    if c.effect.entry().place == own.effect.entry().place { c.place == own.place } else { own.scope.iter().any(|j| c.scope.contains(j)) }
+}
+
+fn name(work: &Work, pick: usize) -> &'static str {
+    work.candidates[work.picks[pick].candidate].effect_name()
+}
+
+/// The experiment that tells two effects apart, from either one's catalogue entry.
+fn experiment(a: &str, b: &str) -> String {
+    let from = |x: &str, y: &str| {
+        pkm_dyn::effects::find(x).and_then(|e| e.look_alikes.iter().find(|l| l.effect == y)).map(|l| l.experiment.to_string())
+    };
+    from(a, b)
+        .or_else(|| from(b, a))
+        .unwrap_or_else(|| "repeat the motion in another posture, at a fifth of the speed, and with a known extra mass".to_string())
+}
+
+/// The model without some picks, and what they take away from its error.
+struct Stage {
+    cross: Cross,
+    base: Base,
+    columns: Vec<ColumnId>,
+    prior: Vec<f64>,
+    taken: f64,
+    /// The same per block.
+    blocks: Vec<f64>,
+}
+
+fn stage(work: &Work, without: &[usize]) -> Stage {
+    let cross = work.gram.cross(&work.design, &work.real_targets(&[work.softness]));
+    let mut columns = Vec::new();
+    let mut prior = Vec::new();
+    let mut own = Vec::new();
+    for (i, p) in work.picks.iter().enumerate() {
+        for (&id, &sd) in p.variant.columns.iter().zip(&p.variant.prior) {
+            if without.contains(&i) {
+                own.push((id, work.inverse_variance(id, sd)));
+            } else if !columns.contains(&id) {
+                columns.push(id);
+                prior.push(work.inverse_variance(id, sd));
+            }
+        }
+    }
+    own.retain(|(id, _)| !columns.contains(id));
+    let (own, own_prior): (Vec<ColumnId>, Vec<f64>) = own.into_iter().unzip();
+    let base = Base::new(&work.gram, &cross, &columns, &prior);
+    let blocks: Vec<f64> = if own.is_empty() {
+        vec![0.0; work.design.n_folds]
+    } else {
+        screen::gains(&work.gram, &cross, &base, &own, &own_prior, &[]).all.iter().map(|f| f[0]).collect()
+    };
+    Stage { cross, base, columns, prior, taken: blocks.iter().sum(), blocks }
+}
+
+impl Stage {
+    /// Share of what the removed picks take away that other columns take away, and whether they are clearly beaten.
+    fn compare(&self, gains: &[Vec<f64>]) -> (f64, bool) {
+        let lead: Vec<f64> = self.blocks.iter().zip(gains).map(|(own, other)| own - other[0]).collect();
+        let n = lead.len() as f64;
+        let mean = lead.iter().sum::<f64>() / n;
+        let variance = lead.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>() / (n - 1.0).max(1.0);
+        let error = math::sqrt(variance / n);
+        let is_beaten = mean > student_95(lead.len().saturating_sub(1)) * error;
+        (gains.iter().map(|f| f[0]).sum::<f64>() / self.taken.max(f64::MIN_POSITIVE), is_beaten)
+    }
+}
+
+fn rivals(work: &Work, without: &[usize]) -> Vec<Rival> {
+    let s = stage(work, without);
+    if s.taken <= 0.0 {
+        return Vec::new();
+    }
+    let picked: Vec<usize> = work.picks.iter().map(|p| p.candidate).collect();
+    let removed: Vec<&Variant> = without.iter().map(|&i| &work.picks[i].variant).collect();
+    let is_standard = without.iter().all(|&i| work.candidates[work.picks[i].candidate].effect.family() == Family::Standard);
+    let mut out = Vec::new();
+    for (c, candidate) in work.candidates.iter().enumerate().filter(|(c, _)| !picked.contains(c)) {
+        if without.iter().any(|&i| is_wider_law(work, c, i)) {
+            continue;
+        }
+        let mut best: Option<Rival> = None;
+        for v in candidate.variants.iter().filter(|v| v.softness.is_none_or(|w| w == work.softness)) {
+            let (own, prior) = own_columns(work, v, &s.columns);
+            // A spring with its constant contains an offset: containing the answer is no other answer.
+            let contains = is_standard && removed.iter().any(|r| r.columns.iter().all(|id| own.contains(id)));
+            if own.is_empty() || contains {
+                continue;
+            }
+            let (share, is_beaten) = s.compare(&screen::gains(&work.gram, &s.cross, &s.base, &own, &prior, &[]).all);
+            if best.as_ref().is_none_or(|b| share > b.share) {
+                let veto = veto(work, &s, c, v);
+                best = Some(Rival { effect: candidate.effect_name(), place: vec![candidate.name.clone()], share, is_beaten, veto });
+            }
+        }
+        out.extend(best);
+    }
+    out
+}
+
+/// Whether a candidate's law contains the pick's at the same joint: a friction peak rides on dry friction and is no rival of it.
+fn is_wider_law(work: &Work, candidate: usize, pick: usize) -> bool {
+    let (c, p) = (&work.candidates[candidate], &work.candidates[work.picks[pick].candidate]);
+    let wider = matches!(c.effect_name(), "friction_stribeck" | "friction_asymmetric");
+    c.place == p.place && wider && matches!(p.effect_name(), "friction_coulomb" | "friction_viscous")
+}
+
+fn veto(work: &Work, s: &Stage, candidate: usize, v: &Variant) -> String {
+    let (own, own_prior) = own_columns(work, v, &s.columns);
+    let ids: Vec<ColumnId> = s.columns.iter().chain(&own).copied().collect();
+    let prior: Vec<f64> = s.prior.iter().chain(&own_prior).copied().collect();
+    let theta = screen::fit(&work.gram, &s.cross, &ids, &prior, Over::All);
+    let value = |id| ids.iter().position(|&i| i == id).map_or(0.0, |i| theta[(i, 0)]);
+    reading(work, candidate, v, &value).err().unwrap_or_default()
+}
+
+/// Wrong masses of all links together, each within half its size.
+fn whole_body(work: &Work, without: &[usize]) -> Option<Rival> {
+    let s = stage(work, without);
+    let (ids, prior) = work.with_rigid(Vec::new(), PRIORS[PRIORS.len() - 1]);
+    let (share, is_beaten) = s.compare(&screen::gains(&work.gram, &s.cross, &s.base, &ids, &prior, &[]).all);
+    let model = &work.robot.model;
+    let place = model.massive_links().into_iter().map(|l| model.links[l].name.clone()).collect();
+    Some(Rival { effect: "inertia_error", place, share, is_beaten, veto: String::new() })
+}

@@ -1,0 +1,271 @@
+//! From picks to the verdict: final numbers, ranks, words, pictures, the refined robot.
+
+use alloc::collections::BTreeMap;
+
+use pkm_dyn::{Model, math};
+
+use crate::alternatives::alternatives;
+use crate::columns::Family;
+use crate::contest::reading;
+use crate::design::View;
+use crate::detectable::detectable;
+use crate::evidence::{ChainStep, Diagnosis, Evidence, Screened};
+use crate::explain;
+use crate::final_fit::{FinalFit, errors, jackknife_half_width, left_as_given, noise_floor, pooled};
+use crate::leftover::unexplained;
+use crate::rank::{Step, rank};
+use crate::refine::{Parameters, container, refine};
+use crate::regimes;
+use crate::search::Search;
+use crate::settings::{PRIORS, Settings};
+use crate::verdict::{Estimate, Finding, Heldout, HeldoutJoint, SCHEMA, Status, Verdict};
+use crate::work::Work;
+use crate::{gate, picture};
+
+type Left = Vec<Vec<Vec<f64>>>;
+
+/// Everything about the final model that findings are written from.
+struct Final {
+    fit: FinalFit,
+    left: Left,
+    /// Contribution of each pick: [pick][joint][segment][row].
+    parts: Vec<Left>,
+    readings: Vec<Parameters>,
+    estimates: Vec<BTreeMap<String, Estimate>>,
+}
+
+/// Writes the verdict on the picks in `work`.
+pub(crate) fn assemble(work: &mut Work, found: &Search, bare: &Model, band: f64, settings: &Settings) -> Diagnosis {
+    let nominal = left_as_given(work, View::Judge);
+    let steps = rank(work, band);
+    let order: Vec<usize> = steps.iter().filter_map(|s| s.pick).collect();
+    let fin = finish(work);
+    let findings = order.iter().enumerate().map(|(r, &pick)| finding(work, &fin, &steps, (r, pick), settings)).collect::<Vec<_>>();
+    let refined = refine(work, bare, &fin.readings);
+    let heldout = heldout(work, &nominal, &fin.left, band);
+    let moving = work.residual(&fin.fit.ids, &fin.fit.theta, work.softness, View::Fit);
+    let unexplained = unexplained(work, &nominal, &fin.left, &moving);
+    let evidence = evidence(work, &fin, (&nominal, &steps, found), settings);
+    let nothing_missing = findings.is_empty() && !unexplained.present;
+    let verdict = Verdict {
+        schema: SCHEMA.to_string(),
+        status: Status::Ok,
+        robot: work.robot.model.name.clone(),
+        recordings: (0..work.motions.len()).map(|s| gate::recording_use(&work.motions[s], picture::heldout_spans(work, s))).collect(),
+        nothing_missing,
+        says: summary(&findings, &unexplained.says, &heldout),
+        heldout,
+        findings,
+        unexplained,
+        minimum_detectable: detectable(work, &moving, settings),
+        refined_model: String::new(),
+        notes: notes(work),
+    };
+    Diagnosis { verdict, evidence, refined: Some(refined) }
+}
+
+fn finish(work: &Work) -> Final {
+    let (ids, prior) = work.picked(None);
+    let fit = FinalFit::new(work, ids, &prior);
+    let left = work.residual(&fit.ids, &fit.theta, work.softness, View::Judge);
+    let parts = (0..work.picks.len()).map(|p| whole_contribution(work, &fit, p)).collect();
+    let mut readings = Vec::new();
+    let mut estimates = Vec::new();
+    for (i, p) in work.picks.iter().enumerate() {
+        let values = reading(work, p.candidate, &p.variant, &|id| fit.coefficient(id)).unwrap_or_default();
+        let replicates: Vec<Parameters> = (0..work.design.n_folds)
+            .map(|f| reading(work, p.candidate, &p.variant, &|id| fit.replicate(f, id)).unwrap_or_default())
+            .collect();
+        let entry = work.candidates[p.candidate].effect.entry();
+        let mut map = BTreeMap::new();
+        for &(name, value) in &values {
+            let spread: Vec<f64> = replicates.iter().filter_map(|r| r.iter().find(|(n, _)| *n == name).map(|(_, v)| *v)).collect();
+            let half = jackknife_half_width(&spread);
+            // Too few blocks for an interval: all that can be said is the order of magnitude.
+            let half = if half.is_finite() { half } else { value.abs() };
+            let unit = entry.parameters.iter().find(|p| p.name == name).map_or("", |p| p.unit.text(explain::kind(work, i)));
+            map.insert(name.to_string(), Estimate { value, ci95: [value - half, value + half], unit: unit.to_string() });
+        }
+        readings.push(values);
+        estimates.push(map);
+    }
+    Final { fit, left, parts, readings, estimates }
+}
+
+/// What a finding adds to the model, with what its law contains.
+fn whole_contribution(work: &Work, fit: &FinalFit, pick: usize) -> Left {
+    let mut out = contribution(work, fit, pick);
+    for i in (0..work.picks.len()).filter(|&i| container(work, i) == Some(pick)) {
+        for (sum, part) in out.iter_mut().flatten().zip(contribution(work, fit, i).iter().flatten()) {
+            sum.iter_mut().zip(part).for_each(|(s, p)| *s += p);
+        }
+    }
+    out
+}
+
+/// What a pick adds to the model: [joint][segment][row]. A lag or delay adds its whole size times its column.
+fn contribution(work: &Work, fit: &FinalFit, pick: usize) -> Left {
+    let d = &work.design;
+    let mut out: Left = (0..d.n_joints).map(|_| d.rows.iter().map(|r| vec![0.0; r.time.len()]).collect()).collect();
+    let p = &work.picks[pick];
+    let c = &work.candidates[p.candidate];
+    for &id in &p.variant.columns {
+        let mut size = fit.coefficient(id);
+        if c.effect.family() == Family::Chain {
+            let (chain, given) = (d.chain[c.scope[0]], d.given_chain[c.scope[0]]);
+            size += if c.effect_name() == "actuator_lag" { chain.lag - given.lag } else { chain.delay - given.delay };
+        }
+        for j in d.joints_of(id) {
+            for (s, out) in out[j].iter_mut().enumerate() {
+                if let Some(x) = d.values(id, j, s, View::Judge) {
+                    out.iter_mut().zip(x).for_each(|(o, x)| *o += size * x);
+                }
+            }
+        }
+    }
+    out
+}
+
+fn finding(work: &Work, fin: &Final, steps: &[Step], (r, pick): (usize, usize), settings: &Settings) -> Finding {
+    let p = &work.picks[pick];
+    let c = &work.candidates[p.candidate];
+    let (same, look_alikes) = alternatives(work, pick);
+    let (regime, when) = regimes::of_pick(work, pick, &fin.parts[pick], &fin.left);
+    let parameters = fin.estimates[pick].clone();
+    let [before, after] = [steps[r].heldout, steps[r + 1].heldout];
+    let p_value = p_value(p.p_search, p.p_confirm, settings);
+    Finding {
+        rank: r + 1,
+        effect: c.effect_name().to_string(),
+        place: vec![c.name.clone()],
+        regime,
+        when,
+        confidence: confidence(work, p.wins, p_value),
+        p_value,
+        heldout_rms_before: before,
+        heldout_rms_after: after,
+        says: explain::sentence(work, pick, &parameters, [before, after], &same),
+        equation: explain::equation(work, pick, &parameters),
+        parameters,
+        look_alikes,
+        cannot_tell_from: same,
+    }
+}
+
+/// Of the search and the confirmation together: for two independent p-values with product `k`, `k·(1 − ln k)` is one again.
+fn p_value(search: f64, confirm: f64, settings: &Settings) -> f64 {
+    let k = search * confirm;
+    (k * (1.0 - math::ln(k))).clamp(1.0 / (settings.null_runs + 1) as f64, 1.0)
+}
+
+/// Rule of succession over the blocks in which the finding helped, times the chance that it is real at all.
+fn confidence(work: &Work, wins: usize, p_value: f64) -> f64 {
+    let raw = (1.0 - p_value) * (wins + 1) as f64 / (work.design.n_folds + 2) as f64;
+    // One recording alone is never confirmed: another day, load or motion might not show it.
+    if work.motions.len() < 2 { raw.min(0.79) } else { raw }
+}
+
+fn heldout(work: &Work, nominal: &Left, left: &Left, band: f64) -> Heldout {
+    let (ids, prior) = work.with_rigid(work.every_model_has(work.softness), PRIORS[PRIORS.len() - 1]);
+    let refit = FinalFit::new(work, ids, &prior);
+    let refit_left = work.residual(&refit.ids, &refit.theta, work.softness, View::Judge);
+    let [n, r, f] = [nominal, &refit_left, left].map(|l| errors(work, l));
+    let model = &work.robot.model;
+    let joints = (0..work.design.n_joints)
+        .map(|j| {
+            let joint = &model.joints[model.actuators[j]];
+            HeldoutJoint {
+                joint: joint.name.clone(),
+                unit: joint.kind.unit_effort().to_string(),
+                rms_tau: n[j].effort,
+                rms_nominal: n[j].error,
+                rms_refit: r[j].error,
+                rms_final: f[j].error,
+            }
+        })
+        .collect();
+    Heldout {
+        rms_nominal: pooled(&n),
+        rms_refit: pooled(&r),
+        rms_final: pooled(&f),
+        noise_floor: noise_floor(work, left),
+        band_hz: band,
+        unit: "fraction of tau rms".to_string(),
+        joints,
+    }
+}
+
+fn evidence(work: &Work, fin: &Final, (nominal, steps, found): (&Left, &[Step], &Search), settings: &Settings) -> Evidence {
+    let chain = steps
+        .iter()
+        .map(|s| {
+            let label = s.pick.map_or_else(
+                || "as given".to_string(),
+                |p| {
+                    let c = &work.candidates[work.picks[p].candidate];
+                    format!("{} at {}", c.effect_name(), c.name)
+                },
+            );
+            ChainStep { label, heldout_rms: s.heldout }
+        })
+        .collect();
+    let order = steps.iter().filter_map(|s| s.pick).enumerate();
+    let findings = order.map(|(r, p)| picture::finding(work, p, r + 1, &fin.parts[p], &fin.left)).collect();
+    let mut ruled_out: Vec<Screened> = Vec::new();
+    for s in found.last.iter().flat_map(|c| &c.scores) {
+        let c = &work.candidates[s.candidate];
+        let is_named = work.picks.iter().any(|p| p.candidate == s.candidate);
+        let is_said = ruled_out.iter().any(|r| r.effect == c.effect_name() && r.place == [c.name.clone()]);
+        if is_named || is_said {
+            continue;
+        }
+        let why_not = if s.why_not.is_empty() { "did not hold on held-out data".to_string() } else { s.why_not.clone() };
+        let wins = [s.wins, work.design.n_folds];
+        ruled_out.push(Screened { effect: c.effect_name().to_string(), place: vec![c.name.clone()], gain: s.gain, wins, why_not });
+    }
+    ruled_out.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let threshold = |level: f64| found.last.last().map_or(0.0, |c| c.threshold(level));
+    let null_gain = [threshold(0.05), threshold(0.01)].map(|t| if t.is_finite() { t } else { 0.0 });
+    debug_assert!(fin.fit.ids.len() >= work.picks.len() || work.picks.is_empty(), "every pick has a column");
+    Evidence {
+        joints: picture::joints(work, nominal, &fin.left),
+        findings,
+        regimes: picture::regime_cells(work, nominal, &fin.left),
+        chain,
+        ruled_out,
+        null_gain,
+        null_runs: settings.null_runs,
+    }
+}
+
+fn summary(findings: &[Finding], left: &str, h: &Heldout) -> String {
+    let errors = format!("held-out error {:.1} % of the effort as given, {:.1} % refined", 100.0 * h.rms_nominal, 100.0 * h.rms_final);
+    let mut names: Vec<String> = Vec::new();
+    for f in findings {
+        let name = format!("{} at {}", f.effect, f.place.join(", "));
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    match (names.is_empty(), left.is_empty()) {
+        (true, true) => format!("Nothing missing that these recordings could show ({:.1} % of the effort is left).", 100.0 * h.rms_nominal),
+        (false, true) => format!("Missing: {}; {errors}.", names.join("; ")),
+        (true, false) => format!("Something is missing that the library has no name for: {left}; {errors}."),
+        (false, false) => format!("Missing: {}; {errors}; {left}.", names.join("; ")),
+    }
+}
+
+fn notes(work: &Work) -> Vec<String> {
+    let mut out = Vec::new();
+    for m in work.motions {
+        let s = &m.segment;
+        let gone = s.valid.iter().filter(|v| !**v).count();
+        if gone > 0 {
+            out.push(format!("{}: {gone} of {} samples lie in gaps and are left out", s.name, s.valid.len()));
+        }
+    }
+    if work.motions.len() < 2 {
+        out.push("one recording only: confidence stays below 0.8; give a second one, or --holdout with another motion".to_string());
+    }
+    out
+}

@@ -1,0 +1,223 @@
+//! How each effect is looked for in recordings: regressor columns, shapes to try, physical vetoes, and the reading of a fit back into
+//! the effect's own parameters. One file per effect, named as in the catalogue.
+
+mod actuator_lag;
+mod encoder_offset;
+mod friction_asymmetric;
+mod friction_coulomb;
+mod friction_load;
+mod friction_passive;
+mod friction_stribeck;
+mod friction_viscous;
+mod gravity_tilt;
+pub(crate) mod inertia_error;
+mod payload;
+mod rotor_inertia;
+mod spring;
+mod time_delay;
+mod torque_constant;
+mod torque_offset;
+mod torque_ripple;
+
+use pkm_dyn::Model;
+use pkm_dyn::effects::Entry;
+
+use crate::design::{Chain, ColumnId, Make};
+use crate::motion::Motion;
+
+/// Every effect's columns.
+pub(crate) const ALL: &[&dyn Columns] = &[
+    &friction_coulomb::Effect,
+    &friction_viscous::Effect,
+    &torque_offset::Effect,
+    &friction_stribeck::Effect,
+    &friction_asymmetric::Effect,
+    &friction_load::Effect,
+    &friction_passive::Effect,
+    &payload::Effect,
+    &inertia_error::Effect,
+    &torque_constant::Effect,
+    &rotor_inertia::Effect,
+    &spring::Effect,
+    &gravity_tilt::Effect,
+    &encoder_offset::Effect,
+    &torque_ripple::Effect,
+    &time_delay::Effect,
+    &actuator_lag::Effect,
+];
+
+/// What a candidate competes with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Family {
+    /// A parameter every model has (friction, offset): free while structure is sought, a finding when it moved.
+    Standard,
+    /// Physics outside the span of the parameters a model has.
+    Structural,
+    /// Inside or nearly inside the span of the inertial parameters.
+    Shift,
+    /// The drive's chain; its column is made from the fitted model, anew in every step.
+    Chain,
+}
+
+/// The variable a finding is drawn against.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Axis {
+    Velocity,
+    Position,
+    Acceleration,
+    /// The nominal rigid effort.
+    Load,
+    /// The finding's own column.
+    Column,
+}
+
+/// What columns are made from, besides the motions.
+pub(crate) struct Context<'c> {
+    pub(crate) model: &'c Model,
+    /// Widths of directions: [softness][tree joint], largest over segments `[m/s | rad/s]`.
+    pub(crate) widths: &'c [Vec<f64>],
+    /// Top speed of each drive over all segments.
+    pub(crate) top_speed: &'c [f64],
+    /// Travel of each drive over all segments.
+    pub(crate) travel: &'c [f64],
+    /// Shortest sample distance of rows along each drive's travel at top speed: position structure finer than this is not resolved.
+    pub(crate) resolution: &'c [f64],
+    pub(crate) massive: &'c [usize],
+}
+
+/// A column: new, or one that every model has.
+pub(crate) enum Source {
+    /// Raw series per joint it acts on.
+    New(Make),
+    /// Parameter `k` of the massive link of that position.
+    Rigid(usize, usize),
+    /// Damping of a drive.
+    Viscous(usize),
+    /// Dry friction of a drive at a softness.
+    Coulomb(usize, usize),
+    /// Constant at a drive.
+    Offset(usize),
+}
+
+/// One shape of a candidate.
+pub(crate) struct Shape {
+    /// Nonlinear values that make the shape.
+    pub(crate) values: Vec<f64>,
+    /// Softness of directions it belongs to; `None` fits all.
+    pub(crate) softness: Option<usize>,
+    /// Columns.
+    pub(crate) sources: Vec<Source>,
+    /// Prior standard deviation of each coefficient; infinite is free.
+    pub(crate) prior: Vec<f64>,
+}
+
+/// A candidate before its columns are computed.
+pub(crate) struct Proposal {
+    /// Index of the place (joint or link) in the model.
+    pub(crate) place: usize,
+    /// Its name.
+    pub(crate) name: String,
+    /// Drives whose rows it acts on.
+    pub(crate) scope: Vec<usize>,
+    /// Shapes to choose from.
+    pub(crate) shapes: Vec<Shape>,
+}
+
+impl Proposal {
+    /// At a drive, acting on its own row only.
+    pub(crate) fn at_drive(ctx: &Context, drive: usize, shapes: Vec<Shape>) -> Self {
+        let place = ctx.model.actuators[drive];
+        Self { place, name: ctx.model.joints[place].name.clone(), scope: vec![drive], shapes }
+    }
+}
+
+impl Shape {
+    /// Free coefficients, one softness for all.
+    pub(crate) fn free(sources: Vec<Source>) -> Self {
+        Self { values: Vec::new(), softness: None, prior: vec![f64::INFINITY; sources.len()], sources }
+    }
+
+    pub(crate) fn at(mut self, softness: usize) -> Self {
+        self.softness = Some(softness);
+        self
+    }
+
+    pub(crate) fn with(mut self, values: Vec<f64>) -> Self {
+        self.values = values;
+        self
+    }
+}
+
+/// A fit as an effect's file sees it.
+pub(crate) struct View<'v> {
+    pub(crate) model: &'v Model,
+    /// Coefficients of the candidate's own columns.
+    pub(crate) own: &'v [f64],
+    /// The shape's nonlinear values.
+    pub(crate) shape: &'v [f64],
+    /// Place index.
+    pub(crate) place: usize,
+    /// Friction of the same drive in the model so far: change of Coulomb and viscous friction found, on top of nominal.
+    pub(crate) coulomb_change: f64,
+    pub(crate) viscous_change: f64,
+    /// Chain found so far at the drive.
+    pub(crate) chain: Chain,
+}
+
+/// An effect's own parameters, or why the fit cannot be this effect.
+pub(crate) type Reading = Result<Vec<(&'static str, f64)>, String>;
+
+/// One effect's way of being found.
+pub(crate) trait Columns: Sync {
+    /// Catalogue entry.
+    fn entry(&self) -> &'static Entry;
+    /// What it competes with.
+    fn family(&self) -> Family;
+    /// What it is drawn against.
+    fn axis(&self) -> Axis;
+    /// Where and in which shapes to look for it.
+    fn propose(&self, ctx: &Context) -> Vec<Proposal>;
+    /// How many leading columns of a shape are the effect itself; the others are ordinary parameters it is sought together with.
+    fn n_own(&self) -> usize {
+        usize::MAX
+    }
+    /// Reads coefficients as parameters; `Err` is a physical veto.
+    fn read(&self, view: &View) -> Reading;
+}
+
+/// The catalogue entry of that name; the names here are the file names of `pkm_dyn::effects`.
+pub(crate) fn entry(name: &str) -> &'static Entry {
+    // Every effect file here names its twin; a missing twin is a mistake in this library and caught by its tests.
+    pkm_dyn::effects::find(name).unwrap_or(pkm_dyn::effects::CATALOGUE[0])
+}
+
+/// A column acting on one drive only.
+pub(crate) fn local(drive: usize, f: impl Fn(&Motion, usize) -> Vec<f64> + Send + Sync + 'static) -> Source {
+    Source::New(Box::new(move |m| vec![(drive, f(m, drive))]))
+}
+
+/// A column acting on all drives, from [drive][sample] series.
+pub(crate) fn global(f: impl Fn(&Motion) -> Vec<Vec<f64>> + Send + Sync + 'static) -> Source {
+    Source::New(Box::new(move |m| f(m).into_iter().enumerate().collect()))
+}
+
+/// Column ids of what every model has.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct StandardIds {
+    pub(crate) rigid: Vec<ColumnId>,
+    pub(crate) viscous: Vec<ColumnId>,
+    pub(crate) coulomb: Vec<Vec<ColumnId>>,
+    pub(crate) offset: Vec<ColumnId>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_effect_of_the_catalogue_can_be_looked_for_and_in_its_order() {
+        let here: Vec<&str> = ALL.iter().map(|c| c.entry().name).collect();
+        let catalogue: Vec<&str> = pkm_dyn::effects::CATALOGUE.iter().map(|e| e.name).collect();
+        assert_eq!(here, catalogue);
+    }
+}

@@ -1,0 +1,310 @@
+//! One decision: which candidate, if any, is worth adding, judged against what chance alone achieves on the same data.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use crate::columns;
+use crate::design::{ColumnId, View};
+use crate::gram::{Cross, Targets};
+use crate::screen::{self, Base};
+use crate::settings::Settings;
+use crate::solve::Over;
+use crate::work::{Pick, Variant, Work};
+
+/// A set of columns candidates are added to, at one softness.
+pub(crate) struct Ground {
+    pub(crate) softness: usize,
+    pub(crate) columns: Vec<ColumnId>,
+    pub(crate) prior: Vec<f64>,
+}
+
+/// A candidate's best shape and its numbers.
+#[derive(Debug, Clone)]
+pub(crate) struct Score {
+    pub(crate) candidate: usize,
+    pub(crate) variant: Variant,
+    /// Ground it was fitted on.
+    pub(crate) ground: usize,
+    /// Held-out squared error it takes away, over all joints.
+    pub(crate) taken: f64,
+    /// The same as a share of the error of the joints it acts on.
+    pub(crate) gain: f64,
+    /// That gain in standard deviations of what it gains in null runs, above their mean.
+    pub(crate) surprise: f64,
+    /// Folds in which it helped.
+    pub(crate) wins: usize,
+    /// Why it was not accepted; empty when it could be.
+    pub(crate) why_not: String,
+    /// Its other shapes, best first, for when the best one reads as impossible.
+    pub(crate) others: Vec<Trial>,
+}
+
+/// One shape of a candidate on one ground.
+#[derive(Debug, Clone)]
+pub(crate) struct Trial {
+    variant: Variant,
+    ground: usize,
+    taken: f64,
+    gain: f64,
+    wins: usize,
+}
+
+/// The outcome of one decision.
+pub(crate) struct Contest {
+    /// Every candidate, best first.
+    pub(crate) scores: Vec<Score>,
+    /// Largest surprise of any candidate in each null run, ascending.
+    pub(crate) null: Vec<f64>,
+}
+
+impl Contest {
+    /// Surprise that a share `1 - level` of the null runs stays below.
+    pub(crate) fn threshold(&self, level: f64) -> f64 {
+        let n = self.null.len();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of null runs")]
+        let above = (level * (n + 1) as f64).floor() as usize;
+        if above == 0 { f64::INFINITY } else { self.null[n - above.min(n)] }
+    }
+
+    /// Share of null runs (and the recording itself) that reach a surprise.
+    pub(crate) fn p_value(&self, surprise: f64) -> f64 {
+        let reached = self.null.iter().filter(|g| **g >= surprise).count();
+        (1 + reached) as f64 / (1 + self.null.len()) as f64
+    }
+}
+
+/// Runs the contest of `pool` on `grounds`. `null_left` is what a null run is made of: [joint][segment][row].
+pub(crate) fn contest(work: &Work, pool: &[usize], grounds: &[Ground], null_left: &[Vec<Vec<f64>>], settings: &Settings) -> Contest {
+    let softnesses: Vec<usize> = grounds.iter().map(|g| g.softness).collect();
+    let mut targets = work.real_targets(&softnesses);
+    targets.extend(surrogates(work, null_left, settings));
+    let cross = work.gram.cross(&work.design, &targets);
+    let bases: Vec<Base> = grounds.iter().map(|g| Base::new(&work.gram, &cross, &g.columns, &g.prior)).collect();
+    let n_real = grounds.len();
+    let best_of = |target: &dyn Fn(usize) -> usize| {
+        (0..n_real).min_by(|&a, &b| bases[a].total(target(a)).total_cmp(&bases[b].total(target(b)))).unwrap_or(0)
+    };
+    let best_ground = best_of(&|i| i);
+    let null_best: Vec<usize> = (0..settings.null_runs).map(|b| best_of(&|_| n_real + b)).collect();
+    let arena = Arena { work, grounds, bases: &bases, cross: &cross, best_ground, null_best: &null_best };
+    let judged: Vec<(Score, Vec<f64>)> = pool.par_iter().filter_map(|&c| arena.judge(c)).collect();
+    let mut null = vec![f64::NEG_INFINITY; settings.null_runs];
+    let mut scores = Vec::new();
+    for (mut score, gains) in judged {
+        // Joints differ in how much chance can do there: each candidate is judged in units of its own null runs.
+        let (mean, sd) = mean_and_sd(&gains);
+        null.iter_mut().zip(&gains).for_each(|(n, g)| *n = n.max((g - mean) / sd));
+        score.surprise = (score.gain - mean) / sd;
+        scores.push(score);
+    }
+    null.sort_by(f64::total_cmp);
+    scores.sort_by(|a, b| b.taken.total_cmp(&a.taken));
+    Contest { scores, null }
+}
+
+/// Mean and standard deviation, the latter never so small that rounding counts as surprise.
+fn mean_and_sd(x: &[f64]) -> (f64, f64) {
+    let n = x.len().max(1) as f64;
+    let mean = x.iter().sum::<f64>() / n;
+    let variance = x.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / n;
+    (mean, pkm_dyn::math::sqrt(variance).max(1e-6))
+}
+
+/// What one candidate needs to be judged.
+struct Arena<'a> {
+    work: &'a Work<'a>,
+    grounds: &'a [Ground],
+    bases: &'a [Base],
+    cross: &'a Cross,
+    best_ground: usize,
+    null_best: &'a [usize],
+}
+
+impl Arena<'_> {
+    /// The candidate's best shape on the recording, and its best gain in every null run.
+    fn judge(&self, candidate: usize) -> Option<(Score, Vec<f64>)> {
+        let c = &self.work.candidates[candidate];
+        let n_real = self.grounds.len();
+        let best_base = &self.bases[self.best_ground];
+        let own_error = best_base.over(&c.scope, self.best_ground).max(f64::MIN_POSITIVE);
+        let mut trials: Vec<Trial> = Vec::new();
+        let mut null = vec![f64::NEG_INFINITY; self.null_best.len()];
+        for variant in &c.variants {
+            for (i, ground) in self.grounds.iter().enumerate() {
+                let fits = variant.softness.map_or(i == self.best_ground, |w| w == ground.softness);
+                let (own, prior) = own_columns(self.work, variant, &ground.columns);
+                if !fits || own.is_empty() {
+                    continue;
+                }
+                let base = &self.bases[i];
+                let g = screen::gains(&self.work.gram, self.cross, base, &own, &prior, &c.scope);
+                let sum = |parts: &[Vec<f64>], t: usize| parts.iter().map(|f| f[t]).sum::<f64>();
+                for (b, n) in null.iter_mut().enumerate() {
+                    let (t, of) = (n_real + b, &self.bases[self.null_best[b]]);
+                    let error = of.over(&c.scope, t);
+                    *n = n.max((error - base.over(&c.scope, t) + sum(&g.scope, t)) / error.max(f64::MIN_POSITIVE));
+                }
+                let taken = best_base.total(self.best_ground) - base.total(i) + sum(&g.all, i);
+                let wins = (0..g.all.len()).filter(|&f| fold_taken(self.bases, self.best_ground, i, f) + g.all[f][i] > 0.0).count();
+                let gain = (own_error - base.over(&c.scope, i) + sum(&g.scope, i)) / own_error;
+                trials.push(Trial { variant: variant.clone(), ground: i, taken, gain, wins });
+            }
+        }
+        trials.sort_by(|a, b| b.taken.total_cmp(&a.taken));
+        prefer_simple(&mut trials);
+        let mut trials = trials.into_iter();
+        trials.next().map(|best| (Score::of(candidate, best, trials.take(MAX_OTHERS).collect()), null))
+    }
+}
+
+/// A shape with fewer coefficients that does practically as well goes first.
+fn prefer_simple(trials: &mut [Trial]) {
+    let Some(best) = trials.first().map(|t| t.taken) else { return };
+    let as_good = trials.iter().take_while(|t| t.taken >= AS_GOOD * best).count();
+    let simplest = (0..as_good).min_by_key(|&i| (trials[i].variant.columns.len(), i)).unwrap_or(0);
+    trials[..=simplest].rotate_right(1);
+}
+
+/// What takes away this share of what the best takes away does practically as well.
+const AS_GOOD: f64 = 0.98;
+
+/// Shapes of a candidate that are kept as a fall-back.
+const MAX_OTHERS: usize = 5;
+
+impl Score {
+    fn of(candidate: usize, t: Trial, others: Vec<Trial>) -> Self {
+        let Trial { variant, ground, taken, gain, wins } = t;
+        Self { candidate, variant, ground, taken, gain, surprise: 0.0, wins, why_not: String::new(), others }
+    }
+
+    /// Puts the next shape in place of the best one.
+    fn fall_back(&mut self) -> bool {
+        if self.others.is_empty() {
+            return false;
+        }
+        let t = self.others.remove(0);
+        // Surprise is in units of the same null runs, so it shrinks with the gain.
+        self.surprise *= (t.gain / self.gain).clamp(0.0, 1.0);
+        (self.variant, self.ground, self.taken, self.gain, self.wins) = (t.variant, t.ground, t.taken, t.gain, t.wins);
+        true
+    }
+}
+
+fn fold_taken(bases: &[Base], best: usize, i: usize, fold: usize) -> f64 {
+    let sum = |base: &Base, target: usize| base.sse[fold].iter().map(|j| j[target]).sum::<f64>();
+    sum(&bases[best], best) - sum(&bases[i], i)
+}
+
+/// Columns of a variant that the ground does not have already.
+pub(crate) fn own_columns(work: &Work, variant: &Variant, ground: &[ColumnId]) -> (Vec<ColumnId>, Vec<f64>) {
+    let new = variant.columns.iter().zip(&variant.prior).filter(|(id, _)| !ground.contains(id));
+    new.map(|(&id, &sd)| (id, work.inverse_variance(id, sd))).unzip()
+}
+
+/// Null runs: what is left, with its spectrum kept and its phases drawn anew, the same for all joints of a recording.
+pub(crate) fn surrogates(work: &Work, left: &[Vec<Vec<f64>>], settings: &Settings) -> Targets {
+    let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
+    let phases: Vec<Vec<Vec<f64>>> = (0..settings.null_runs)
+        .map(|_| {
+            let draw = |rows: &crate::rows::Rows, rng: &mut ChaCha8Rng| {
+                (0..rows.time.len() / 2 + 1).map(|_| core::f64::consts::TAU * rng.random::<f64>()).collect()
+            };
+            work.design.rows.iter().map(|rows| draw(rows, &mut rng)).collect()
+        })
+        .collect();
+    phases
+        .par_iter()
+        .map(|phases| {
+            left.iter().map(|joint| joint.iter().zip(phases).map(|(x, p)| pkm_ident::spectrum::phase_randomised(x, p)).collect()).collect()
+        })
+        .collect()
+}
+
+/// The first candidate, best first, that is real, worth having and physical; the reasons of those before it are noted.
+pub(crate) fn decide(work: &Work, contest: &mut Contest, grounds: &[Ground], settings: &Settings) -> Option<Pick> {
+    let threshold = contest.threshold(settings.search_level);
+    let n_folds = work.design.n_folds;
+    let needed = (3 * n_folds).div_ceil(4);
+    for s in &mut contest.scores {
+        loop {
+            s.why_not = objection(s, settings, threshold, (needed, n_folds));
+            if !s.why_not.is_empty() {
+                break;
+            }
+            s.why_not = read(work, s, grounds).err().unwrap_or_default();
+            if s.why_not.is_empty() || !s.fall_back() {
+                break;
+            }
+        }
+    }
+    contest.scores.sort_by(|a, b| b.taken.total_cmp(&a.taken));
+    let first = contest.scores.iter().position(|s| s.why_not.is_empty())?;
+    let s = simplest(work, contest, first);
+    let p_search = contest.p_value(contest.scores[s].surprise);
+    let s = &contest.scores[s];
+    Some(Pick { candidate: s.candidate, variant: s.variant.clone(), p_search, p_confirm: 1.0, wins: s.wins })
+}
+
+/// Why the numbers do not support a candidate; empty when they do.
+fn objection(s: &Score, settings: &Settings, threshold: f64, (needed, n_folds): (usize, usize)) -> String {
+    if s.gain <= settings.floor {
+        let (gain, floor) = (100.0 * s.gain, 100.0 * settings.floor);
+        return format!("would take away {gain:.1} % of the squared error, less than the {floor:.0} % worth naming");
+    }
+    if s.surprise <= threshold {
+        return format!("its gain of {:.1} % is {:.1} sigma above chance, and null runs reach {threshold:.1}", 100.0 * s.gain, s.surprise);
+    }
+    if s.wins < needed {
+        return format!("helps in {} of {n_folds} blocks only", s.wins);
+    }
+    String::new()
+}
+
+/// Among acceptable candidates that do practically as well as the best, the one with the fewest coefficients, then the commonest.
+fn simplest(work: &Work, contest: &Contest, first: usize) -> usize {
+    let best = contest.scores[first].taken;
+    (first..contest.scores.len())
+        .filter(|&i| contest.scores[i].why_not.is_empty() && contest.scores[i].taken >= AS_GOOD * best)
+        .min_by_key(|&i| {
+            let s = &contest.scores[i];
+            let scope = work.candidates[s.candidate].scope.len();
+            (s.variant.columns.len(), scope, s.candidate)
+        })
+        .unwrap_or(first)
+}
+
+/// Reads a candidate's coefficients, fitted on all folds on its ground; `Err` is the physical veto.
+fn read(work: &Work, s: &Score, grounds: &[Ground]) -> Result<(), String> {
+    let ground = &grounds[s.ground];
+    let (own, own_prior) = own_columns(work, &s.variant, &ground.columns);
+    let mut ids = ground.columns.clone();
+    let mut prior = ground.prior.clone();
+    ids.extend(&own);
+    prior.extend(own_prior);
+    let cross = work.gram.cross(&work.design, &vec![work.measured_minus_nominal(ground.softness, View::Fit)]);
+    let theta = screen::fit(&work.gram, &cross, &ids, &prior, Over::All);
+    reading(work, s.candidate, &s.variant, &|id| ids.iter().position(|&i| i == id).map_or(0.0, |i| theta[(i, 0)])).map(|_| ())
+}
+
+/// A candidate's parameters from coefficients by column.
+pub(crate) fn reading(
+    work: &Work,
+    candidate: usize,
+    variant: &Variant,
+    coefficient: &dyn Fn(ColumnId) -> f64,
+) -> Result<Vec<(&'static str, f64)>, String> {
+    let c = &work.candidates[candidate];
+    let own: Vec<f64> = variant.columns.iter().map(|&id| coefficient(id)).collect();
+    let drive = work.drive(candidate);
+    let softness = variant.softness.unwrap_or(work.softness);
+    c.effect.read(&columns::View {
+        model: &work.baseline,
+        own: &own,
+        shape: &variant.values,
+        place: c.place,
+        coulomb_change: drive.map_or(0.0, |k| coefficient(work.standard.coulomb[softness][k])),
+        viscous_change: drive.map_or(0.0, |k| coefficient(work.standard.viscous[k])),
+        chain: drive.map(|k| work.design.chain[k]).unwrap_or_default(),
+    })
+}

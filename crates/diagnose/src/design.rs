@@ -1,0 +1,214 @@
+//! The regression: filtered columns per joint, blocks, weights, and the sums of products from which every fit is solved.
+//!
+//! A row is one decimated sample of one actuated joint. Columns that act on one joint only are stored for that joint only. Nothing
+//! after this file touches samples again while candidates are compared: all fits, folds and null runs work on sums of products.
+
+use pkm_dyn::effects::{Law, Robot};
+use pkm_ident::filter::{advanced, derivative};
+use rayon::prelude::*;
+
+use crate::motion::{Motion, softness_widths};
+use crate::rows::{FineGrid, Rows, folds, rows, standstill};
+use crate::settings::SOFTNESS;
+
+/// Index of a column in the whole design.
+pub(crate) type ColumnId = usize;
+
+/// Lag and delay already found at a joint.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Chain {
+    pub(crate) lag: f64,
+    pub(crate) delay: f64,
+}
+
+/// Filtered series on the fine grid; [segment].
+type Fine = Vec<Vec<f64>>;
+
+/// A filtered series twice: as it is, and with standstill set to zero before the filter.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Pair {
+    pub(crate) plain: Fine,
+    pub(crate) cut: Fine,
+}
+
+/// One column: per joint it acts on, its filtered series.
+#[derive(Debug, Clone)]
+pub(crate) struct Column {
+    pub(crate) joints: Vec<(usize, Pair)>,
+}
+
+/// Which rows of a series are meant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum View {
+    /// As fits see them: standstill cut out.
+    Fit,
+    /// As the verdict judges them: standstill included.
+    Judge,
+}
+
+/// Everything of the regression that does not depend on which columns are chosen.
+#[derive(Debug)]
+pub(crate) struct Design {
+    pub(crate) n_joints: usize,
+    pub(crate) n_folds: usize,
+    pub(crate) fine: Vec<FineGrid>,
+    pub(crate) rows: Vec<Rows>,
+    pub(crate) columns: Vec<Column>,
+    /// Measured effort, [joint].
+    pub(crate) measured: Vec<Pair>,
+    /// Effort of the model as given before its chain, [softness][joint].
+    pub(crate) nominal: Vec<Vec<Pair>>,
+    pub(crate) chain: Vec<Chain>,
+    pub(crate) given_chain: Vec<Chain>,
+    /// Weight of each joint's rows: one over what a plain refit leaves.
+    pub(crate) weight: Vec<f64>,
+    /// Raw samples at which each joint stands still: [segment][joint].
+    still: Vec<Vec<Vec<bool>>>,
+}
+
+/// Makes a column's raw series for one segment.
+pub(crate) type Make = Box<dyn Fn(&Motion) -> Series + Send + Sync>;
+
+/// Raw series of a column in one segment: per joint it acts on.
+pub(crate) type Series = Vec<(usize, Vec<f64>)>;
+
+impl Design {
+    /// Rows, folds and measured efforts; columns come with [`Design::push`].
+    pub(crate) fn new(robot: &Robot, motions: &[Motion], band: f64) -> Self {
+        let n_joints = robot.model.n_act();
+        let fine: Vec<FineGrid> = motions.iter().map(|m| FineGrid::new(m.segment.dt, band)).collect();
+        let (folds, n_folds) = folds(motions);
+        let still: Vec<Vec<Vec<bool>>> = motions.iter().map(|m| standstill(m, band)).collect();
+        let rows = (0..motions.len()).map(|s| rows(&motions[s], &fine[s], &folds[s], &still[s])).collect();
+        let pair = |k: usize, of: &dyn Fn(&Motion) -> &Vec<f64>| {
+            let each = |s: usize| (fine[s].fine(of(&motions[s])), fine[s].fine_cut(of(&motions[s]), &still[s][k]));
+            let (plain, cut) = (0..motions.len()).map(each).unzip();
+            Pair { plain, cut }
+        };
+        let measured = (0..n_joints).map(|k| pair(k, &|m| &m.segment.tau[k])).collect();
+        let nominal = (0..SOFTNESS.len()).map(|w| (0..n_joints).map(|k| pair(k, &|m| &m.nominal[w][k])).collect()).collect();
+        let given_chain: Vec<Chain> = robot
+            .model
+            .actuators
+            .iter()
+            .map(|&j| Chain {
+                lag: robot.chain(j, |law| matches!(law, Law::EffortLag)).sum(),
+                delay: robot.chain(j, |law| matches!(law, Law::EffortDelay)).sum(),
+            })
+            .collect();
+        Self {
+            n_joints,
+            n_folds,
+            fine,
+            rows,
+            columns: Vec::new(),
+            measured,
+            nominal,
+            chain: given_chain.clone(),
+            given_chain,
+            weight: vec![1.0; n_joints],
+            still,
+        }
+    }
+
+    /// Adds columns given by their raw series per segment, filtered here exactly as the effort is; returns their ids.
+    pub(crate) fn push(&mut self, motions: &[Motion], sources: Vec<Make>) -> Vec<ColumnId> {
+        let (fine, still) = (&self.fine, &self.still);
+        let new: Vec<Column> = sources
+            .par_iter()
+            .map(|source| {
+                let mut joints: Vec<(usize, Pair)> = Vec::new();
+                for (s, motion) in motions.iter().enumerate() {
+                    for (joint, raw) in source(motion) {
+                        let (plain, cut) = (fine[s].fine(&raw), fine[s].fine_cut(&raw, &still[s][joint]));
+                        let at = joints.iter().position(|(j, _)| *j == joint).unwrap_or_else(|| {
+                            joints.push((joint, Pair::default()));
+                            joints.len() - 1
+                        });
+                        joints[at].1.plain.push(plain);
+                        joints[at].1.cut.push(cut);
+                    }
+                }
+                // A column that is zero everywhere acts nowhere.
+                joints.retain(|(_, p)| p.plain.iter().flatten().any(|x| x.abs() > 0.0));
+                Column { joints }
+            })
+            .collect();
+        let first = self.columns.len();
+        self.columns.extend(new);
+        (first..self.columns.len()).collect()
+    }
+
+    /// Adds a column that is already filtered and on the fine grid, or replaces one; fits see it on clean rows only.
+    pub(crate) fn put_fine(&mut self, at: Option<ColumnId>, joint: usize, plain: Fine) -> ColumnId {
+        let cut = plain.iter().map(|x| vec![0.0; x.len()]).collect();
+        let column = Column { joints: vec![(joint, Pair { plain, cut })] };
+        match at {
+            Some(id) => {
+                self.columns[id] = column;
+                id
+            }
+            None => {
+                self.columns.push(column);
+                self.columns.len() - 1
+            }
+        }
+    }
+
+    /// A fine series behind a joint's drive chain, as recorded effort.
+    pub(crate) fn through_chain(&self, chain: Chain, segment: usize, x: &[f64]) -> Vec<f64> {
+        let dt = self.fine[segment].dt;
+        let mut out = if chain.delay.abs() > 0.0 { advanced(x, chain.delay, dt) } else { x.to_vec() };
+        if chain.lag.abs() > 0.0 {
+            let rate = derivative(&out, dt);
+            out.iter_mut().zip(rate).for_each(|(x, r)| *x += chain.lag * r);
+        }
+        out
+    }
+
+    fn thin(&self, segment: usize, x: &[f64]) -> Vec<f64> {
+        let n = self.rows[segment].time.len();
+        x.iter().step_by(self.fine[segment].thin).take(n).copied().collect()
+    }
+
+    fn view(&self, pair: &Pair, chain: Chain, (joint, segment): (usize, usize), view: View) -> Vec<f64> {
+        let through = self.thin(segment, &self.through_chain(chain, segment, &pair.plain[segment]));
+        if view == View::Judge {
+            return through;
+        }
+        let cut = self.thin(segment, &pair.cut[segment]);
+        let clean = &self.rows[segment].clean[joint];
+        through.iter().zip(cut).zip(clean).map(|((plain, cut), clean)| if *clean { *plain } else { cut }).collect()
+    }
+
+    /// A column's values at the rows of one joint and segment; `None` when it does not act there.
+    pub(crate) fn values(&self, id: ColumnId, joint: usize, segment: usize, view: View) -> Option<Vec<f64>> {
+        let (_, pair) = self.columns[id].joints.iter().find(|(j, _)| *j == joint)?;
+        Some(self.view(pair, self.chain[joint], (joint, segment), view))
+    }
+
+    /// Measured effort at the rows of one joint and segment.
+    pub(crate) fn measured_rows(&self, joint: usize, segment: usize, view: View) -> Vec<f64> {
+        self.view(&self.measured[joint], Chain::default(), (joint, segment), view)
+    }
+
+    /// The model as given at the rows of one joint and segment, with the chain found so far.
+    pub(crate) fn nominal_rows(&self, softness: usize, joint: usize, segment: usize, view: View) -> Vec<f64> {
+        self.view(&self.nominal[softness][joint], self.chain[joint], (joint, segment), view)
+    }
+
+    /// The model as given, chain as given: what nothing has been added to.
+    pub(crate) fn as_given_rows(&self, joint: usize, segment: usize, view: View) -> Vec<f64> {
+        self.view(&self.nominal[0][joint], self.given_chain[joint], (joint, segment), view)
+    }
+
+    /// Joints a column acts on.
+    pub(crate) fn joints_of(&self, id: ColumnId) -> impl Iterator<Item = usize> + '_ {
+        self.columns[id].joints.iter().map(|(j, _)| *j)
+    }
+}
+
+/// Widths of smoothed directions per segment: [segment][softness][tree joint].
+pub(crate) fn widths(robot: &Robot, motions: &[Motion]) -> Vec<Vec<Vec<f64>>> {
+    motions.iter().map(|m| softness_widths(&robot.model, m)).collect()
+}

@@ -1,0 +1,103 @@
+//! Words: a finding as a sentence and an equation a robot engineer can read.
+
+use pkm_dyn::effects::PlaceKind;
+use pkm_dyn::model::JointKind;
+
+use crate::verdict::{EffectAt, Estimate};
+use crate::work::Work;
+use alloc::collections::BTreeMap;
+
+/// Joint kind that decides a candidate's units.
+pub(crate) fn kind(work: &Work, pick: usize) -> JointKind {
+    let c = &work.candidates[work.picks[pick].candidate];
+    match c.effect.entry().place {
+        PlaceKind::Joint | PlaceKind::PassiveJoint => work.robot.model.joints[c.place].kind,
+        PlaceKind::Link | PlaceKind::RootLink => JointKind::Prismatic,
+    }
+}
+
+/// A number with three to four significant digits.
+pub(crate) fn number(x: f64) -> String {
+    let a = x.abs();
+    if a == 0.0 {
+        "0".to_string()
+    } else if !(1e-3..1e5).contains(&a) {
+        format!("{x:.2e}")
+    } else {
+        let digits = if a >= 1000.0 {
+            0
+        } else if a >= 100.0 {
+            1
+        } else if a >= 10.0 {
+            2
+        } else if a >= 1.0 {
+            3
+        } else {
+            4
+        };
+        format!("{x:.digits$}")
+    }
+}
+
+fn values(parameters: &BTreeMap<String, Estimate>, order: &[&str]) -> Vec<String> {
+    order
+        .iter()
+        .filter_map(|name| parameters.get(*name).map(|e| (name, e)))
+        .map(|(name, e)| {
+            let unit = if e.unit == "1" { String::new() } else { format!(" {}", e.unit) };
+            format!("{name} = {}{unit}", number(e.value))
+        })
+        .collect()
+}
+
+/// What was found, where, how large, and what it does for the fit.
+pub(crate) fn sentence(
+    work: &Work,
+    pick: usize,
+    parameters: &BTreeMap<String, Estimate>,
+    [before, after]: [f64; 2],
+    same: &[EffectAt],
+) -> String {
+    let c = &work.candidates[work.picks[pick].candidate];
+    let entry = c.effect.entry();
+    let order: Vec<&str> = entry.parameters.iter().map(|p| p.name).take(4).collect();
+    let sizes = values(parameters, &order).join(", ");
+    let place = match entry.place {
+        PlaceKind::RootLink => format!("At the mounting ({})", c.name),
+        PlaceKind::Link => format!("On link {}", c.name),
+        PlaceKind::PassiveJoint => format!("At passive joint {}", c.name),
+        PlaceKind::Joint => format!("At {}", c.name),
+    };
+    let mut out = format!("{place}, {}: {sizes}.", entry.sentence);
+    let (b, a) = (100.0 * before, 100.0 * after);
+    out += &format!(" Adding it takes the held-out error from {b:.1} % to {a:.1} % of the effort.");
+    if !same.is_empty() {
+        let mut names: Vec<String> = Vec::new();
+        for s in same {
+            let name = if s.place.len() > 2 { s.effect.clone() } else { format!("{} at {}", s.effect, s.place.join(", ")) };
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+        let shown = names.iter().take(3).cloned().collect::<Vec<_>>().join(", ");
+        let more = if names.len() > 3 { format!(" and {} more", names.len() - 3) } else { String::new() };
+        out += &format!(" These recordings cannot tell it from {shown}{more}.");
+    }
+    out
+}
+
+/// The equation in the form it was fitted.
+pub(crate) fn equation(work: &Work, pick: usize, parameters: &BTreeMap<String, Estimate>) -> String {
+    let p = &work.picks[pick];
+    let c = &work.candidates[p.candidate];
+    let entry = c.effect.entry();
+    let order: Vec<&str> = entry.parameters.iter().map(|p| p.name).collect();
+    let mut out = format!("{}; {}", entry.equation, values(parameters, &order).join(", "));
+    if p.variant.softness.is_some() && entry.name.starts_with("friction") && entry.name != "friction_viscous" {
+        let width =
+            crate::design::widths(work.robot, work.motions).iter().map(|segment| segment[work.softness][c.place]).fold(0.0, f64::max);
+        let unit = pkm_dyn::effects::Unit::Velocity.text(kind(work, pick));
+        out += &format!("; s = v/√(v² + w²), w = {} {unit}", number(width));
+    }
+    out
+}

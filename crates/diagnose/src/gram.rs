@@ -1,0 +1,141 @@
+//! Sums of products from which every fit is solved: nothing after this file touches samples again while candidates are compared.
+
+use faer::Mat;
+use rayon::prelude::*;
+
+use crate::design::{ColumnId, Design, View};
+
+/// Sums of products over the fitted rows, per fold and joint, of every column with every column and with every target.
+#[derive(Debug)]
+pub(crate) struct Gram {
+    /// Folds that are fitted.
+    pub(crate) n_folds: usize,
+    /// Columns that act on each joint.
+    pub(crate) active: Vec<Vec<ColumnId>>,
+    /// Place of a column in its joint's list: [joint][column].
+    pub(crate) local: Vec<Vec<Option<usize>>>,
+    /// Column with column: [fold][joint]; after the folds that are fitted comes one of everything held out.
+    pub(crate) xx: Vec<Vec<Mat<f64>>>,
+    /// The same summed over the fitted folds: [joint].
+    pub(crate) xx_all: Vec<Mat<f64>>,
+    /// One over the weighted rms of each column: fits are solved in these units.
+    pub(crate) scale: Vec<f64>,
+    stacks: Vec<Vec<Stack>>,
+}
+
+/// Weighted rows of one fold and joint.
+#[derive(Debug)]
+struct Stack {
+    x: Mat<f64>,
+    /// Segment and row of each line.
+    at: Vec<(usize, usize)>,
+}
+
+/// Products of the columns with a set of targets.
+#[derive(Debug)]
+pub(crate) struct Cross {
+    /// Column with target: [fold][joint], columns × targets.
+    pub(crate) xy: Vec<Vec<Mat<f64>>>,
+    /// Target with itself: [fold][joint][target].
+    pub(crate) yy: Vec<Vec<Vec<f64>>>,
+}
+
+/// Targets by joint and segment, at the rows: [target][joint][segment][row].
+pub(crate) type Targets = Vec<Vec<Vec<Vec<f64>>>>;
+
+impl Gram {
+    pub(crate) fn new(design: &Design) -> Self {
+        let n_columns = design.columns.len();
+        let mut active = vec![Vec::new(); design.n_joints];
+        let mut local = vec![vec![None; n_columns]; design.n_joints];
+        for (id, column) in design.columns.iter().enumerate() {
+            for &(j, _) in &column.joints {
+                local[j][id] = Some(active[j].len());
+                active[j].push(id);
+            }
+        }
+        let stacks = stacks(design, &active);
+        let scale = scales(n_columns, &active, &stacks[..design.n_folds]);
+        let xx: Vec<Vec<Mat<f64>>> = stacks.par_iter().map(|joints| joints.iter().map(|s| s.x.transpose() * &s.x).collect()).collect();
+        let mut xx_all: Vec<Mat<f64>> = active.iter().map(|a| Mat::zeros(a.len(), a.len())).collect();
+        for fold in &xx[..design.n_folds] {
+            for (sum, x) in xx_all.iter_mut().zip(fold) {
+                *sum += x;
+            }
+        }
+        Self { n_folds: design.n_folds, active, local, xx, xx_all, scale, stacks }
+    }
+
+    /// Products with `targets`.
+    pub(crate) fn cross(&self, design: &Design, targets: &Targets) -> Cross {
+        let mut xy = Vec::new();
+        let mut yy = Vec::new();
+        for joints in &self.stacks {
+            let mut xy_fold = Vec::new();
+            let mut yy_fold = Vec::new();
+            for (j, stack) in joints.iter().enumerate() {
+                let y = Mat::from_fn(stack.at.len(), targets.len(), |i, b| {
+                    let (segment, row) = stack.at[i];
+                    design.weight[j] * targets[b][j][segment][row]
+                });
+                xy_fold.push(stack.x.transpose() * &y);
+                yy_fold.push((0..targets.len()).map(|b| y.col(b).iter().map(|v| v * v).sum()).collect());
+            }
+            xy.push(xy_fold);
+            yy.push(yy_fold);
+        }
+        Cross { xy, yy }
+    }
+}
+
+fn stacks(design: &Design, active: &[Vec<ColumnId>]) -> Vec<Vec<Stack>> {
+    let mut lines: Vec<Vec<Vec<(usize, usize)>>> = vec![vec![Vec::new(); design.n_joints]; design.n_folds + 1];
+    for (segment, rows) in design.rows.iter().enumerate() {
+        for (row, fold) in rows.fold.iter().enumerate() {
+            if !rows.valid[row] {
+                continue;
+            }
+            for (j, lines) in lines[fold.unwrap_or(design.n_folds)].iter_mut().enumerate() {
+                if rows.moving[j][row] {
+                    lines.push((segment, row));
+                }
+            }
+        }
+    }
+    // Values are computed once per joint, column and segment, then dealt out to the folds.
+    let values: Vec<Vec<Vec<Vec<f64>>>> = active
+        .par_iter()
+        .enumerate()
+        .map(|(j, ids)| {
+            ids.iter().map(|&id| (0..design.rows.len()).map(|s| design.values(id, j, s, View::Fit).unwrap_or_default()).collect()).collect()
+        })
+        .collect();
+    lines
+        .into_iter()
+        .map(|joints| {
+            joints
+                .into_iter()
+                .enumerate()
+                .map(|(j, at)| {
+                    let x = Mat::from_fn(at.len(), active[j].len(), |i, c| design.weight[j] * values[j][c][at[i].0][at[i].1]);
+                    Stack { x, at }
+                })
+                .collect()
+        })
+        .collect()
+}
+
+fn scales(n_columns: usize, active: &[Vec<ColumnId>], stacks: &[Vec<Stack>]) -> Vec<f64> {
+    let mut square = vec![0.0; n_columns];
+    let mut count = 0_usize;
+    for joints in stacks {
+        for (j, s) in joints.iter().enumerate() {
+            count += s.at.len();
+            for (c, &id) in active[j].iter().enumerate() {
+                square[id] += s.x.col(c).iter().map(|v| v * v).sum::<f64>();
+            }
+        }
+    }
+    let n = count.max(1) as f64;
+    square.into_iter().map(|s: f64| if s > 0.0 { 1.0 / pkm_dyn::math::sqrt(s / n) } else { 0.0 }).collect()
+}

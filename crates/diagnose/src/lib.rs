@@ -1,0 +1,44 @@
+//! What the tool is for: when a model and recordings differ, locate the mismatch, name the physics left out, model it, and show on
+//! held-out data that the fit improves.
+//!
+//! Nothing about the robot's true physics may enter here except through the nominal robot and the recordings. The crate knows no
+//! files and no simulator.
+
+extern crate alloc;
+
+mod alternatives;
+mod assemble;
+mod columns;
+mod confirm;
+mod contest;
+mod design;
+mod detectable;
+mod engine;
+mod error;
+pub mod evidence;
+mod explain;
+mod final_fit;
+mod gate;
+mod gram;
+mod leftover;
+mod motion;
+mod picture;
+mod predict;
+mod rank;
+mod refine;
+mod regimes;
+mod rows;
+mod screen;
+mod search;
+mod segment;
+mod settings;
+mod solve;
+pub mod verdict;
+mod work;
+
+pub use engine::diagnose;
+pub use error::InputError;
+pub use evidence::{Diagnosis, Evidence, Refined};
+pub use predict::predict;
+pub use settings::{MIN_SAMPLES, Settings};
+pub use verdict::Verdict;

@@ -1,0 +1,271 @@
+//! One pass over a segment through the robot's equations: everything candidate columns are made of.
+
+use pkm_dyn::effects::{JointState, Law, Robot};
+use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, rigid_effort};
+use pkm_dyn::loops;
+use pkm_dyn::parameters::{InertialParameters, N_INERTIAL};
+use pkm_dyn::{Data, Model, math};
+
+use crate::error::InputError;
+use crate::segment::Segment;
+use crate::settings::SOFTNESS;
+
+/// A passive joint along a segment.
+#[derive(Debug, Clone)]
+pub(crate) struct Passive {
+    /// Velocity `[m/s | rad/s]`.
+    pub(crate) v: Vec<f64>,
+    /// Row of the reduction: velocity per velocity of each drive, [drive][sample].
+    pub(crate) g: Vec<Vec<f64>>,
+}
+
+/// A segment seen through the robot. Efforts are at the drives; outer index: drive, inner: raw sample.
+#[derive(Debug, Clone)]
+pub(crate) struct Motion {
+    pub(crate) segment: Segment,
+    /// Rigid bodies and rotor inertia `[N | N·m]`.
+    pub(crate) rigid: Vec<Vec<f64>>,
+    /// Effort per unit of each inertial parameter of each massive link: [link·10 + k][drive][sample].
+    pub(crate) link_columns: Vec<Vec<Vec<f64>>>,
+    /// Effort per radian of base roll and pitch: [axis][drive][sample].
+    pub(crate) tilt: [Vec<Vec<f64>>; 2],
+    /// Change of the rigid effort per unit of position offset of each drive: [offset drive][drive][sample].
+    pub(crate) offset: Vec<Vec<Vec<f64>>>,
+    /// Passive joints, in the order of `Data::passive`.
+    pub(crate) passive: Vec<Passive>,
+    /// Effort of the model as given, per softness: [softness][drive][sample].
+    pub(crate) nominal: Vec<Vec<Vec<f64>>>,
+}
+
+impl Motion {
+    /// Smoothed direction of motion.
+    pub(crate) fn direction(v: &[f64], width: f64) -> Vec<f64> {
+        v.iter().map(|v| soft_sign(*v, width)).collect()
+    }
+}
+
+/// `v/√(v² + w²)`: the sign of `v`, passing through zero over a width `w`.
+pub(crate) fn soft_sign(v: f64, width: f64) -> f64 {
+    let length = math::sqrt(v * v + width * width);
+    if length > 0.0 { v / length } else { 0.0 }
+}
+
+/// Step of the finite difference that gives the effect of a position offset `[m | rad]`: small against any geometry, large against
+/// Newton's tolerance.
+const OFFSET_STEP: f64 = 1e-5;
+
+struct Pass<'r> {
+    robot: &'r Robot,
+    model: Model,
+    data: Data,
+    links: Vec<usize>,
+    out: Motion,
+}
+
+/// Runs the robot's equations along a segment; `top_speed` `[m/s | rad/s]` per tree joint sets the softness of directions.
+pub(crate) fn motion(robot: &Robot, segment: Segment) -> Result<Motion, InputError> {
+    let mut model = robot.model.clone();
+    if let Some(g) = segment.gravity {
+        model.gravity = g.into();
+    }
+    apply_load(&mut model, &segment)?;
+    let (n, na) = (segment.valid.len(), model.n_act());
+    let links = model.massive_links();
+    let data = Data::new(&model);
+    let zeros = || vec![vec![0.0; n]; na];
+    let passive = data.passive.iter().map(|_| Passive { v: vec![0.0; n], g: zeros() }).collect();
+    let out = Motion {
+        rigid: zeros(),
+        link_columns: vec![zeros(); links.len() * N_INERTIAL],
+        tilt: [zeros(), zeros()],
+        offset: vec![zeros(); na],
+        passive,
+        nominal: vec![zeros(); SOFTNESS.len()],
+        segment,
+    };
+    let mut pass = Pass { robot, model, data, links, out };
+    pass.run()?;
+    pass.predict();
+    Ok(pass.out)
+}
+
+fn apply_load(model: &mut Model, segment: &Segment) -> Result<(), InputError> {
+    let Some(load) = &segment.load else { return Ok(()) };
+    let bad = |detail: String| InputError::Meta { recording: segment.name.clone(), key: "load", detail };
+    let link = model.link_index(&load.link).ok_or_else(|| bad(format!("no link {:?} in this robot", load.link)))?;
+    if !(load.mass.is_finite() && load.mass >= 0.0) {
+        return Err(bad(format!("mass = {} kg (must be finite and >= 0)", load.mass)));
+    }
+    let body = InertialParameters::from_centre_of_mass(load.mass, load.xyz.into(), nalgebra_zero());
+    let sum = model.links[link].parameters.joined(&body);
+    model.set_link_parameters(link, sum);
+    Ok(())
+}
+
+fn nalgebra_zero() -> nalgebra::Matrix3<f64> {
+    nalgebra::Matrix3::zeros()
+}
+
+impl Pass<'_> {
+    fn run(&mut self) -> Result<(), InputError> {
+        let (n, na) = (self.out.segment.valid.len(), self.model.n_act());
+        let moments: Vec<_> = self
+            .links
+            .iter()
+            .map(|&l| (self.model.links[l].body.unwrap_or(0), InertialParameters::transform_matrix(&self.model.links[l].pose)))
+            .collect();
+        let (mut q, mut v, mut a) = (vec![0.0; na], vec![0.0; na], vec![0.0; na]);
+        let closure = loops::assemble(&self.model, &mut self.data);
+        self.check(&closure, 0)?;
+        for i in 0..n {
+            for k in 0..na {
+                (q[k], v[k], a[k]) = (self.out.segment.q[k][i], self.out.segment.v[k][i], self.out.segment.a[k][i]);
+            }
+            if i == 0 {
+                let closure = loops::walk_to(&self.model, &mut self.data, &q);
+                self.check(&closure, 0)?;
+            }
+            let closure = closed_loop_motion(&self.model, &mut self.data, &q, &v, &a);
+            self.check(&closure, i)?;
+            rigid_effort(&self.model, &mut self.data);
+            self.store(i, &moments);
+            self.tilt(i);
+            self.offsets(i, &q, &v, &a)?;
+        }
+        Ok(())
+    }
+
+    fn check(&mut self, closure: &loops::Closure, i: usize) -> Result<(), InputError> {
+        if closure.is_closed {
+            return Ok(());
+        }
+        let robot = self.model.name.clone();
+        if closure.gap < 1e-9 {
+            let q = self.data.q.clone();
+            let mobility = loops::mobility(&self.model, &mut self.data, &q);
+            return Err(InputError::Mobility { robot, mobility, drives: self.model.n_act() });
+        }
+        let s = &self.out.segment;
+        let time = s.start + s.dt * i as f64;
+        Err(InputError::Open { recording: s.name.clone(), time, row: closure.row, gap: closure.gap, robot })
+    }
+
+    fn store(&mut self, i: usize, moments: &[(usize, nalgebra::SMatrix<f64, 10, 10>)]) {
+        let na = self.model.n_act();
+        for k in 0..na {
+            self.out.rigid[k][i] = self.data.tau_act[k];
+        }
+        for (p, &j) in self.data.passive.iter().enumerate() {
+            self.out.passive[p].v[i] = self.data.v[j];
+            for k in 0..na {
+                self.out.passive[p].g[k][i] = self.data.reduction[(j, k)];
+            }
+        }
+        actuated_regressor(&self.model, &mut self.data);
+        for (l, (body, l_to_body)) in moments.iter().enumerate() {
+            for k in 0..na {
+                for c in 0..N_INERTIAL {
+                    // Columns are per body about the body's frame; a link fixed at an offset needs them about its own.
+                    let sum: f64 = (0..N_INERTIAL).map(|b| self.data.regressor[(k, body * N_INERTIAL + b)] * l_to_body[(b, c)]).sum();
+                    self.out.link_columns[l * N_INERTIAL + c][k][i] = sum;
+                }
+            }
+        }
+    }
+
+    /// Weight is linear in gravity: a small tilt adds the weight under the turned part of gravity.
+    fn tilt(&mut self, i: usize) {
+        let g = self.model.gravity;
+        // Gravity seen from a base turned by +roll or +pitch turns the other way.
+        let turned = [nalgebra::Vector3::new(0.0, g.z, -g.y), nalgebra::Vector3::new(-g.z, 0.0, g.x)];
+        for (axis, part) in turned.into_iter().enumerate() {
+            let effort = weight(&self.model, &mut self.data, part);
+            for (k, e) in effort.into_iter().enumerate() {
+                self.out.tilt[axis][k][i] = e;
+            }
+        }
+    }
+
+    fn offsets(&mut self, i: usize, q: &[f64], v: &[f64], a: &[f64]) -> Result<(), InputError> {
+        let home = self.data.q.clone();
+        for j in 0..q.len() {
+            let mut moved = q.to_vec();
+            moved[j] += OFFSET_STEP;
+            let closure = closed_loop_motion(&self.model, &mut self.data, &moved, v, a);
+            self.check(&closure, i)?;
+            rigid_effort(&self.model, &mut self.data);
+            for k in 0..q.len() {
+                self.out.offset[j][k][i] = (self.data.tau_act[k] - self.out.rigid[k][i]) / OFFSET_STEP;
+            }
+            self.data.q.copy_from_slice(&home);
+        }
+        Ok(())
+    }
+
+    /// The model as given: rigid bodies, nominal friction, effects that the robot file already has, effort scale.
+    fn predict(&mut self) {
+        let widths = softness_widths(&self.robot.model, &self.out);
+        let n = self.out.segment.valid.len();
+        for (w, width) in widths.iter().enumerate() {
+            for (k, &j) in self.robot.model.actuators.iter().enumerate() {
+                let scale: f64 = self.robot.chain(j, |law| matches!(law, Law::EffortScale)).product();
+                for i in 0..n {
+                    let s = &self.out.segment;
+                    let state = JointState {
+                        q: s.q[k][i],
+                        v: s.v[k][i],
+                        a: s.a[k][i],
+                        sign: soft_sign(s.v[k][i], width[j]),
+                        load: self.out.rigid[k][i],
+                    };
+                    let mut sum = self.out.rigid[k][i] + self.robot.joint_effort(j, &state);
+                    for (p, passive) in self.data.passive.iter().zip(&self.out.passive) {
+                        let state = JointState { v: passive.v[i], sign: soft_sign(passive.v[i], width[*p]), ..JointState::default() };
+                        sum += passive.g[k][i] * self.robot.joint_effort(*p, &state);
+                    }
+                    self.out.nominal[w][k][i] = sum / scale;
+                }
+            }
+        }
+    }
+}
+
+fn weight(model: &Model, data: &mut Data, gravity: nalgebra::Vector3<f64>) -> Vec<f64> {
+    // Jᵀ·m·g summed over bodies: potential energy's gradient, needing only poses.
+    let mut tree = vec![0.0; model.nv()];
+    for (b, body) in model.bodies.iter().enumerate() {
+        if body.mass <= 0.0 {
+            continue;
+        }
+        let force = -gravity * body.mass;
+        let point = data.pose_wb[b].transform_point(&(body.first_moment() / body.mass));
+        let mut at = Some(b);
+        while let Some(j) = at {
+            let x = &data.pose_wb[j];
+            let s = model.joints[j].motion();
+            let velocity = x.rotation * s.linear + (x.rotation * s.angular).cross(&(point - x.translation));
+            tree[j] += velocity.dot(&force);
+            at = model.joints[j].parent;
+        }
+    }
+    (0..model.n_act()).map(|k| data.reduction.column(k).iter().zip(&tree).map(|(g, t)| g * t).sum()).collect()
+}
+
+/// Widths over which directions pass through zero: [softness][tree joint] `[m/s | rad/s]`.
+pub(crate) fn softness_widths(model: &Model, motion: &Motion) -> Vec<Vec<f64>> {
+    let mut top = vec![0.0; model.nv()];
+    for (k, &j) in model.actuators.iter().enumerate() {
+        top[j] = top_speed(&motion.segment.v[k]);
+    }
+    for (p, passive) in model.passive().into_iter().zip(&motion.passive) {
+        top[p] = top_speed(&passive.v);
+    }
+    SOFTNESS.iter().map(|share| top.iter().map(|t| share * t).collect()).collect()
+}
+
+/// Speed that 99 % of the samples stay below.
+pub(crate) fn top_speed(v: &[f64]) -> f64 {
+    let mut sorted: Vec<f64> = v.iter().map(|v| v.abs()).collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() * 99 / 100).copied().unwrap_or(0.0)
+}

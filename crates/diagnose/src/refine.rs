@@ -1,0 +1,146 @@
+//! The refined robot: what the files had, with every finding in it, each effect once per place.
+
+use pkm_dyn::Model;
+use pkm_dyn::effects::{Applied, Entry, Law, PlaceKind, Robot};
+use pkm_dyn::parameters::{InertialParameters, NAMES};
+
+use crate::evidence::Refined;
+use crate::work::Work;
+
+/// Effects whose parameters a joint has anyway; the robot file may state them either way.
+const ORDINARY: [&str; 3] = ["friction_viscous", "friction_coulomb", "rotor_inertia"];
+
+/// The model with ordinary effects of the robot file counted into its joints: what a total is a total of.
+pub(crate) fn baseline(robot: &Robot) -> Model {
+    let mut model = robot.model.clone();
+    for e in robot.effects.iter().filter(|e| ORDINARY.contains(&e.entry.name)) {
+        let joint = &mut model.joints[e.place];
+        match e.entry.name {
+            "friction_viscous" => joint.viscous += e.values[0],
+            "friction_coulomb" => joint.coulomb += e.values[0],
+            _ => joint.armature += e.values[0],
+        }
+    }
+    model
+}
+
+/// A finding's parameters by name.
+pub(crate) type Parameters = Vec<(&'static str, f64)>;
+
+/// Puts every pick, read as `readings`, into the robot that was diagnosed; `bare` is its model before any effect of its file.
+pub(crate) fn refine(work: &Work, bare: &Model, readings: &[Parameters]) -> Refined {
+    let mut out = Refined { model: bare.clone(), effects: work.robot.effects.clone() };
+    out.model.gravity = work.robot.model.gravity;
+    out.effects.retain(|e| !matches!(e.entry.law, Law::Gravity(_)) && e.entry.name != "inertia_error");
+    for e in &work.robot.effects {
+        // An inertia error of the robot file is in the model that was diagnosed; it goes into the URDF now.
+        if let (Law::Inertia(apply), "inertia_error") = (e.entry.law, e.entry.name) {
+            apply(&mut out.model, e.place, &e.values);
+        }
+    }
+    // Laws that contain others come last, so that they replace them.
+    let mut order: Vec<usize> = (0..readings.len()).collect();
+    order.sort_by_key(|&i| contains_friction(work.candidates[work.picks[i].candidate].effect_name()));
+    for i in order {
+        let c = &work.candidates[work.picks[i].candidate];
+        put(work, &mut out, c.effect.entry(), c.place, &readings[i]);
+    }
+    out
+}
+
+fn contains_friction(effect: &str) -> u8 {
+    match effect {
+        "friction_stribeck" => 1,
+        "friction_asymmetric" => 2,
+        _ => 0,
+    }
+}
+
+fn put(work: &Work, out: &mut Refined, entry: &'static Entry, place: usize, reading: &Parameters) {
+    let value = |name: &str| reading.iter().find(|(n, _)| *n == name).map(|(_, v)| *v);
+    match entry.name {
+        "inertia_error" => change_link(work, &mut out.model, place, reading),
+        "gravity_tilt" => {
+            if let Law::Gravity(apply) = entry.law {
+                apply(&mut out.model, place, &[value("roll").unwrap_or(0.0), value("pitch").unwrap_or(0.0)]);
+            }
+        }
+        "rotor_inertia" => {
+            out.effects.retain(|e| !(e.entry.name == entry.name && e.place == place));
+            out.model.joints[place].armature = value("inertia").unwrap_or(0.0);
+        }
+        _ => {
+            if entry.place != PlaceKind::Link && entry.place != PlaceKind::RootLink {
+                clear(out, entry.name, place);
+            }
+            let values = entry.parameters.iter().map(|p| value(p.name).or(p.default).unwrap_or(0.0)).collect();
+            let mut applied = Applied { entry, place, values };
+            combine(out, &mut applied);
+            out.effects.push(applied);
+        }
+    }
+}
+
+/// Takes away what the new law at the joint replaces.
+fn clear(out: &mut Refined, effect: &str, place: usize) {
+    let joint = &mut out.model.joints[place];
+    let (dry, damping): (bool, bool) = match effect {
+        "friction_coulomb" | "friction_stribeck" => (true, false),
+        "friction_viscous" => (false, true),
+        "friction_asymmetric" | "friction_passive" => (true, true),
+        _ => (false, false),
+    };
+    if dry {
+        joint.coulomb = 0.0;
+    }
+    if damping {
+        joint.viscous = 0.0;
+    }
+    out.effects.retain(|e| {
+        let is_same = e.entry.name == effect && replaces(effect);
+        let is_part = (dry && e.entry.name == "friction_coulomb") || (damping && e.entry.name == "friction_viscous");
+        e.place != place || !(is_same || is_part)
+    });
+}
+
+/// Whether a reading is a total (it replaces what the file had) or an addition.
+fn replaces(effect: &str) -> bool {
+    matches!(effect, "friction_coulomb" | "friction_viscous" | "friction_passive" | "actuator_lag" | "time_delay" | "friction_asymmetric")
+}
+
+/// Additions to the same effect at the same place become one.
+fn combine(out: &mut Refined, new: &mut Applied) {
+    let sums = matches!(new.entry.name, "torque_offset" | "encoder_offset" | "friction_load");
+    let multiplies = new.entry.name == "torque_constant";
+    let (effect, place) = (new.entry.name, new.place);
+    out.effects.retain(|e| {
+        let is_same = e.entry.name == effect && e.place == place && (sums || multiplies);
+        if is_same && sums {
+            new.values[0] += e.values[0];
+        } else if is_same {
+            new.values[0] *= e.values[0];
+        }
+        !is_same
+    });
+}
+
+fn change_link(work: &Work, model: &mut Model, link: usize, reading: &Parameters) {
+    // The reading is the total with payloads of the robot file counted in; the URDF gets the change only.
+    let old = work.robot.model.links[link].parameters.to_vector();
+    let mut theta = model.links[link].parameters.to_vector();
+    for (k, name) in NAMES.iter().enumerate() {
+        if let Some((_, new)) = reading.iter().find(|(n, _)| n == name) {
+            theta[k] += new - old[k];
+        }
+    }
+    model.set_link_parameters(link, InertialParameters::from_vector(&theta));
+}
+
+/// The pick at the same joint whose law contains this one: a friction peak states the dry friction it rides on.
+pub(crate) fn container(work: &Work, pick: usize) -> Option<usize> {
+    let at = |i: usize| &work.candidates[work.picks[i].candidate];
+    if at(pick).effect_name() != "friction_coulomb" {
+        return None;
+    }
+    (0..work.picks.len()).find(|&i| at(i).effect_name() == "friction_stribeck" && at(i).place == at(pick).place)
+}

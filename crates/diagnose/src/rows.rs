@@ -1,0 +1,150 @@
+//! Grids, rows, folds, and where a joint stands still.
+//!
+//! While a joint stands its friction may be anything between its limits, so the equation of that joint does not hold there. Effort
+//! and columns of a joint are set to zero at such raw samples alike, before the filter: nothing of a stick then leaks into its
+//! neighbours. Rows whose whole filter window is free of standstill ("clean") need no such care, and only there is a lag or delay of
+//! the drive looked for, which would not survive the cut.
+
+use pkm_ident::filter::LowPass;
+
+use crate::motion::{Motion, top_speed};
+use crate::settings::{BLOCKS, STANDSTILL};
+use crate::verdict::Use;
+
+/// Samples of one segment after filtering and decimation.
+#[derive(Debug, Clone)]
+pub(crate) struct Rows {
+    /// Time of each row `[s]`.
+    pub(crate) time: Vec<f64>,
+    /// Fold of each row: `Some(fold)` is fitted on, `None` is held out.
+    pub(crate) fold: Vec<Option<usize>>,
+    /// Rows that may be judged: measured, not in a gap.
+    pub(crate) valid: Vec<bool>,
+    /// Rows in which each joint moves.
+    pub(crate) moving: Vec<Vec<bool>>,
+    /// Rows whose filter window holds no standstill of the joint.
+    pub(crate) clean: Vec<Vec<bool>>,
+    /// Velocity of each joint at each row.
+    pub(crate) v: Vec<Vec<f64>>,
+}
+
+/// Grid between the raw one and the rows: fine enough for derivatives of filtered signals.
+#[derive(Debug, Clone)]
+pub(crate) struct FineGrid {
+    pub(crate) dt: f64,
+    /// Raw samples per fine sample.
+    pub(crate) step: usize,
+    /// Fine samples per row.
+    pub(crate) thin: usize,
+    /// Raw samples at each end that are not used.
+    edge: usize,
+    filter: LowPass,
+}
+
+impl FineGrid {
+    pub(crate) fn new(dt: f64, band: f64) -> Self {
+        let per = |rate: f64| {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a ratio of two positive rates")]
+            let n = (1.0 / (dt * rate)).floor() as usize;
+            n.max(1)
+        };
+        let step = per(20.0 * band);
+        let thin = (per(2.5 * band) / step).max(1);
+        Self { dt: dt * step as f64, step, thin, edge: per(band), filter: LowPass::new(band, dt) }
+    }
+
+    /// A raw series, filtered, on the fine grid.
+    pub(crate) fn fine(&self, raw: &[f64]) -> Vec<f64> {
+        self.filter.apply(raw).into_iter().step_by(self.step).collect()
+    }
+
+    /// The same with standstill set to zero before the filter.
+    pub(crate) fn fine_cut(&self, raw: &[f64], still: &[bool]) -> Vec<f64> {
+        let cut: Vec<f64> = raw.iter().zip(still).map(|(x, still)| if *still { 0.0 } else { *x }).collect();
+        self.fine(&cut)
+    }
+
+    /// Raw index of a row.
+    pub(crate) fn raw_index(&self, row: usize) -> usize {
+        row * self.step * self.thin
+    }
+}
+
+/// Raw samples at which each joint stands still, [joint][sample]. A margin on both sides covers the smoothing of the velocity: inside it
+/// neither speed nor acceleration is known.
+pub(crate) fn standstill(motion: &Motion, band: f64) -> Vec<Vec<bool>> {
+    let s = &motion.segment;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a positive time over a positive period")]
+    let margin = (0.1 / (band * s.dt)).ceil() as usize;
+    s.v.iter()
+        .map(|v| {
+            let slow = STANDSTILL * top_speed(v);
+            let mut out = vec![false; v.len()];
+            for i in 0..v.len() {
+                let reverses = i > 0 && v[i] * v[i - 1] < 0.0;
+                if v[i].abs() <= slow || reverses {
+                    out[i.saturating_sub(margin)..(i + margin + 1).min(v.len())].fill(true);
+                }
+            }
+            out
+        })
+        .collect()
+}
+
+/// Fold of each block of each segment.
+pub(crate) fn folds(motions: &[Motion]) -> (Vec<Vec<Option<usize>>>, usize) {
+    let fitted = motions.iter().filter(|m| m.segment.used != Use::Holdout).count();
+    let mut next = 0;
+    let mut seen = 0;
+    let per_recording = fitted >= 4;
+    let blocks = motions
+        .iter()
+        .map(|m| {
+            let out = (0..BLOCKS)
+                .map(|b| match m.segment.used {
+                    Use::Holdout => None,
+                    Use::Both if b % 2 == 1 => None,
+                    _ if per_recording => Some(seen),
+                    _ => {
+                        next += 1;
+                        Some(next - 1)
+                    }
+                })
+                .collect();
+            seen += usize::from(m.segment.used != Use::Holdout);
+            out
+        })
+        .collect();
+    (blocks, if per_recording { seen } else { next })
+}
+
+/// Rows of one segment.
+pub(crate) fn rows(motion: &Motion, grid: &FineGrid, folds: &[Option<usize>], still: &[Vec<bool>]) -> Rows {
+    let s = &motion.segment;
+    let n_raw = s.valid.len();
+    let n = n_raw.div_ceil(grid.step).div_ceil(grid.thin);
+    let raw: Vec<usize> = (0..n).map(|i| grid.raw_index(i).min(n_raw - 1)).collect();
+    let reach = grid.step * grid.thin;
+    // Filters have no past at the ends: one period of the band there is left out of every fit and every error.
+    let edge = grid.edge;
+    let clear =
+        |i: usize| i >= edge && i + edge < n_raw && s.valid[i.saturating_sub(reach)..(i + reach + 1).min(n_raw)].iter().all(|ok| *ok);
+    // Share of each row's filter window in which a joint stands.
+    let standing: Vec<Vec<f64>> = still
+        .iter()
+        .map(|still| {
+            let share = grid.filter.apply(&still.iter().map(|s| f64::from(u8::from(*s))).collect::<Vec<_>>());
+            raw.iter().map(|&i| share[i]).collect()
+        })
+        .collect();
+    let such = |f: fn(f64) -> bool| standing.iter().map(|s| s.iter().map(|x| f(*x)).collect()).collect();
+    let at = |x: &Vec<Vec<f64>>| x.iter().map(|x| raw.iter().map(|&i| x[i]).collect()).collect();
+    Rows {
+        time: raw.iter().map(|&i| s.start + s.dt * i as f64).collect(),
+        fold: raw.iter().map(|&i| folds[(i * BLOCKS / n_raw).min(BLOCKS - 1)]).collect(),
+        valid: raw.iter().map(|&i| clear(i)).collect(),
+        moving: such(|x| x < 0.5),
+        clean: such(|x| x.abs() < 0.01),
+        v: at(&s.v),
+    }
+}

@@ -1,0 +1,134 @@
+//! The gate: recordings become uniform, smoothed, checked motions, or a one-line refusal.
+
+use pkm_dyn::effects::{Law, Robot};
+use pkm_ident::filter::{LowPass, derivative};
+use pkm_ident::grid::Grid;
+use pkm_ident::{Recording, spectrum};
+
+use crate::error::InputError;
+use crate::settings::{HARMONICS, MIN_SAMPLES};
+use crate::verdict::Use;
+
+/// One recording on a uniform grid. Outer index: actuated joint; inner: raw sample.
+#[derive(Debug, Clone)]
+pub(crate) struct Segment {
+    pub(crate) name: String,
+    pub(crate) samples: usize,
+    pub(crate) duration: f64,
+    pub(crate) used: Use,
+    pub(crate) start: f64,
+    pub(crate) dt: f64,
+    pub(crate) q: Vec<Vec<f64>>,
+    pub(crate) v: Vec<Vec<f64>>,
+    pub(crate) a: Vec<Vec<f64>>,
+    pub(crate) tau: Vec<Vec<f64>>,
+    /// Raw samples that may be used: measured, not in a gap.
+    pub(crate) valid: Vec<bool>,
+    /// Gravity stated for this recording, if the base was tilted on purpose `[m/s²]`.
+    pub(crate) gravity: Option<[f64; 3]>,
+    /// Known load stated for this recording.
+    pub(crate) load: Option<pkm_ident::KnownLoad>,
+}
+
+/// A signal on the grid, before any filter.
+struct Raw {
+    grid: Grid,
+    q: Vec<Vec<f64>>,
+    tau: Vec<Vec<f64>>,
+    dq: Vec<Option<Vec<f64>>>,
+    valid: Vec<bool>,
+}
+
+/// All recordings, checked, and the band `[Hz]`.
+pub(crate) fn segments(robot: &Robot, recordings: &[(&Recording, Use)], band: Option<f64>) -> Result<(Vec<Segment>, f64), InputError> {
+    if recordings.is_empty() {
+        return Err(InputError::NoRecording);
+    }
+    let raws = recordings.iter().map(|(r, _)| raw(robot, r)).collect::<Result<Vec<_>, _>>()?;
+    let slowest = raws.iter().map(|r| 1.0 / r.grid.dt).fold(f64::INFINITY, f64::min);
+    let limit = 0.4 * slowest;
+    let band = match band {
+        Some(b) if b > 0.0 && b <= limit => b,
+        Some(band) => return Err(InputError::Band { band, limit }),
+        None => choose_band(&raws, recordings).min(0.5 * limit),
+    };
+    let out = raws.into_iter().zip(recordings).map(|(raw, (r, used))| segment(robot, raw, r, *used, band)).collect();
+    Ok((out, band))
+}
+
+/// Five harmonics of the fastest motion, median over joints and recordings to be fitted.
+fn choose_band(raws: &[Raw], recordings: &[(&Recording, Use)]) -> f64 {
+    let mut f: Vec<f64> = raws
+        .iter()
+        .zip(recordings)
+        .filter(|(_, (_, used))| *used != Use::Holdout)
+        .flat_map(|(raw, _)| raw.q.iter().map(|q| spectrum::motion_bandwidth(q, raw.grid.dt)).collect::<Vec<_>>())
+        .filter(|f| *f > 0.0)
+        .collect();
+    f.sort_by(f64::total_cmp);
+    // The lower median: a joint that hunts on its encoder's last bit looks fast and is not.
+    f.get(f.len().saturating_sub(1) / 2).map_or(1.0, |f| HARMONICS * f)
+}
+
+fn raw(robot: &Robot, r: &Recording) -> Result<Raw, InputError> {
+    let model = &robot.model;
+    for &j in &model.actuators {
+        for kind in ["q", "tau"] {
+            let column = format!("{kind}.{}", model.joints[j].name);
+            let Some(signal) = r.signal(&column) else {
+                return Err(InputError::MissingColumn { recording: r.name.clone(), column, robot: model.name.clone() });
+            };
+            let known = signal.iter().filter(|x| x.is_finite()).count();
+            if 2 * known < signal.len() {
+                return Err(InputError::EmptyColumn { recording: r.name.clone(), column, known, samples: r.len() });
+            }
+        }
+    }
+    let too_short = InputError::TooShort { recording: r.name.clone(), samples: r.len(), limit: MIN_SAMPLES };
+    if r.len() < MIN_SAMPLES {
+        return Err(too_short);
+    }
+    let grid = Grid::over(&r.time).filter(|g| g.n >= MIN_SAMPLES).ok_or(too_short)?;
+    let mut out = Raw { valid: vec![true; grid.n], grid, q: Vec::new(), tau: Vec::new(), dq: Vec::new() };
+    for &j in &model.actuators {
+        let name = &model.joints[j].name;
+        let offset: f64 = robot.chain(j, |law| matches!(law, Law::PositionOffset)).sum();
+        for (kind, target) in [("q", &mut out.q), ("tau", &mut out.tau)] {
+            let Some(signal) = r.signal(&format!("{kind}.{name}")) else { continue };
+            for (ok, missing) in out.valid.iter_mut().zip(out.grid.missing(&r.time, signal)) {
+                *ok &= !missing;
+            }
+            target.push(out.grid.resample(&r.time, signal));
+        }
+        if let Some(q) = out.q.last_mut() {
+            q.iter_mut().for_each(|q| *q += offset);
+        }
+        out.dq.push(None);
+    }
+    Ok(out)
+}
+
+fn segment(robot: &Robot, raw: Raw, r: &Recording, used: Use, band: f64) -> Segment {
+    let dt = raw.grid.dt;
+    // Wide enough to leave the band's derivatives alone, narrow enough to keep the direction of motion out of encoder noise.
+    let smooth = LowPass::new(5.0 * band, dt);
+    let q: Vec<Vec<f64>> = raw.q.iter().map(|q| smooth.apply(q)).collect();
+    let v: Vec<Vec<f64>> = q.iter().map(|q| derivative(q, dt)).collect();
+    let a = v.iter().map(|v| derivative(v, dt)).collect();
+    let _ = (&raw.dq, robot);
+    Segment {
+        name: r.name.clone(),
+        samples: r.len(),
+        duration: r.duration(),
+        used,
+        start: raw.grid.start,
+        dt,
+        q,
+        v,
+        a,
+        tau: raw.tau,
+        valid: raw.valid,
+        gravity: r.meta.gravity,
+        load: r.meta.load.clone(),
+    }
+}

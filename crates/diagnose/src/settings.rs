@@ -1,0 +1,65 @@
+//! What a user may set, and the constants of the decision with their reasons.
+
+/// Settings of a diagnosis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// Zero-phase low-pass for effort and model alike `[Hz]`; chosen from the motion when `None`.
+    pub band_hz: Option<f64>,
+    /// Smallest held-out gain worth a name, as a share of the squared error it acts on. A real half-millisecond hold is
+    /// statistically true and practically nothing: an effect must be worth having as well as real.
+    pub floor: f64,
+    /// Null runs per decision.
+    pub null_runs: usize,
+    /// Family-wise level at which the search lets a candidate through, over all candidates, places and shapes at once. It is generous
+    /// because everything let through must then pass [`Settings::confirm_level`] on data the search has not seen.
+    pub search_level: f64,
+    /// Level of the test each finding must pass on held-out data. A false finding needs both: about one run in a hundred.
+    pub confirm_level: f64,
+    /// Seed of the null runs' random phases.
+    pub seed: u64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { band_hz: None, floor: 0.03, null_runs: 199, search_level: 0.2, confirm_level: 0.05, seed: 1 }
+    }
+}
+
+/// Harmonics of the fastest motion that the band keeps: dry friction answers a sine with its odd harmonics, the fifth has a fifth of
+/// the first's size.
+pub(crate) const HARMONICS: f64 = 5.0;
+
+/// Blocks a recording is cut into; without a separate hold-out every second one is held out.
+pub(crate) const BLOCKS: usize = 10;
+
+/// Smoothing of the direction of motion near zero speed, as shares of the joint's top speed.
+///
+/// The widest is the speed at which a joint counts as standing still: a wider smoothing would bend the friction of a moving joint.
+pub(crate) const SOFTNESS: [f64; 3] = [0.001, 0.003, 0.01];
+
+/// A joint slower than this share of its top speed stands still: friction is undetermined there.
+pub(crate) const STANDSTILL: f64 = 0.01;
+
+/// How far a CAD value may be off, as candidate prior strengths: not at all, a tenth, a half. Cross-validation picks one.
+pub(crate) const PRIORS: [f64; 3] = [0.0, 0.1, 0.5];
+
+/// An explanation that takes away this share of what the finding takes away cannot be told from it.
+pub(crate) const ALIAS_SHARE: f64 = 0.9;
+
+/// From this share on, it cannot be told from it unless the blocks say so clearly.
+pub(crate) const WEAK_ALIAS_SHARE: f64 = 0.7;
+
+/// From this share on, a rejected explanation is worth a line.
+pub(crate) const LOOK_ALIKE_SHARE: f64 = 0.3;
+
+/// Share of the rms error that must stay at a joint for it to count as unexplained: most of it.
+pub(crate) const UNEXPLAINED_SHARE: f64 = 0.5;
+
+/// More findings than this in one diagnosis would be a fit, not an explanation.
+pub(crate) const MAX_STRUCTURAL: usize = 6;
+
+/// Parameter shifts that may be reported.
+pub(crate) const MAX_SHIFTS: usize = 24;
+
+/// Smallest number of samples a recording must have: filters and folds need that many to mean anything.
+pub const MIN_SAMPLES: usize = 200;

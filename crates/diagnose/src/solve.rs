@@ -1,0 +1,112 @@
+//! Ridge fits on sums of products, with one fold left out or none.
+
+use faer::linalg::solvers::{Llt, Solve};
+use faer::{Mat, Side};
+
+use crate::design::ColumnId;
+use crate::gram::{Cross, Gram};
+
+/// Which rows a sum runs over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Over {
+    /// Every fitted row.
+    All,
+    /// Every fitted row but one fold's.
+    AllBut(usize),
+    /// One fold's rows.
+    Only(usize),
+    /// One fold's rows of one joint.
+    OnlyJoint(usize, usize),
+}
+
+impl Over {
+    fn has_joint(self, joint: usize) -> bool {
+        !matches!(self, Self::OnlyJoint(_, j) if j != joint)
+    }
+
+    fn has_fold(self, fold: usize, n_folds: usize) -> bool {
+        match self {
+            Self::All => fold < n_folds,
+            Self::AllBut(k) => fold < n_folds && k != fold,
+            Self::Only(k) | Self::OnlyJoint(k, _) => k == fold,
+        }
+    }
+}
+
+/// Sum of products of `rows` with `columns`, in scaled units.
+pub(crate) fn products(gram: &Gram, rows: &[ColumnId], columns: &[ColumnId], over: Over) -> Mat<f64> {
+    let mut out = Mat::zeros(rows.len(), columns.len());
+    for j in (0..gram.active.len()).filter(|&j| over.has_joint(j)) {
+        let local = |ids: &[ColumnId]| -> Vec<(usize, usize)> {
+            ids.iter().enumerate().filter_map(|(i, &id)| gram.local[j][id].map(|l| (i, l))).collect()
+        };
+        let (r, c) = (local(rows), local(columns));
+        if r.is_empty() || c.is_empty() {
+            continue;
+        }
+        for &(cj, lc) in &c {
+            for &(ri, lr) in &r {
+                out[(ri, cj)] += match over {
+                    Over::All => gram.xx_all[j][(lr, lc)],
+                    // The held-out fold is in no sum over fitted rows, so there is nothing to take off.
+                    Over::AllBut(f) if f == gram.n_folds => gram.xx_all[j][(lr, lc)],
+                    Over::AllBut(f) => gram.xx_all[j][(lr, lc)] - gram.xx[f][j][(lr, lc)],
+                    Over::Only(f) | Over::OnlyJoint(f, _) => gram.xx[f][j][(lr, lc)],
+                };
+            }
+        }
+    }
+    for (j, &cid) in columns.iter().enumerate() {
+        for (i, &rid) in rows.iter().enumerate() {
+            out[(i, j)] *= gram.scale[rid] * gram.scale[cid];
+        }
+    }
+    out
+}
+
+/// Products of `rows` with every target, in scaled units.
+pub(crate) fn targets(gram: &Gram, cross: &Cross, rows: &[ColumnId], over: Over) -> Mat<f64> {
+    let n_targets = cross.xy.first().and_then(|f| f.first()).map_or(0, Mat::ncols);
+    let mut out = Mat::zeros(rows.len(), n_targets);
+    for (f, fold) in cross.xy.iter().enumerate() {
+        if !over.has_fold(f, gram.n_folds) {
+            continue;
+        }
+        for (j, xy) in fold.iter().enumerate().filter(|(j, _)| over.has_joint(*j)) {
+            for (i, &id) in rows.iter().enumerate() {
+                if let Some(l) = gram.local[j][id] {
+                    for b in 0..n_targets {
+                        out[(i, b)] += gram.scale[id] * xy[(l, b)];
+                    }
+                }
+            }
+        }
+    }
+    out
+}
+
+/// Rounding share added to the diagonal, so that columns that repeat each other do not break the factorisation.
+const JITTER: f64 = 1e-10;
+
+/// A factored set of columns on some rows.
+pub(crate) struct Factor {
+    llt: Option<Llt<f64>>,
+    n: usize,
+}
+
+impl Factor {
+    /// Factors `products + diag(prior)`; `prior` is the inverse prior variance in scaled units.
+    pub(crate) fn new(mut g: Mat<f64>, prior: &[f64]) -> Self {
+        let n = g.nrows();
+        for i in 0..n {
+            let own = g[(i, i)];
+            g[(i, i)] += prior[i] + JITTER * own.max(1.0);
+        }
+        Self { llt: if n == 0 { None } else { g.llt(Side::Lower).ok() }, n }
+    }
+
+    /// Solves for several right-hand sides; zero when the set is empty or cannot be factored.
+    pub(crate) fn solve(&self, rhs: &Mat<f64>) -> Mat<f64> {
+        self.llt.as_ref().map_or_else(|| Mat::zeros(self.n, rhs.ncols()), |llt| llt.solve(rhs))
+    }
+}

@@ -1,0 +1,372 @@
+//! The bench on which a diagnosis is done: design, candidates, what every model has, what has been picked so far.
+
+use faer::Mat;
+use pkm_dyn::Model;
+use pkm_dyn::effects::Robot;
+use pkm_dyn::parameters::N_INERTIAL;
+use pkm_ident::filter::{advanced, derivative};
+
+use crate::columns::{self, Columns, Context, Family, Shape, Source, StandardIds};
+use crate::design::{self, ColumnId, Design, Make, View};
+use crate::gram::{Gram, Targets};
+use crate::motion::{Motion, top_speed};
+use crate::screen;
+use crate::settings::SOFTNESS;
+use crate::solve::Over;
+
+/// A shape with its columns in the design.
+#[derive(Debug, Clone)]
+pub(crate) struct Variant {
+    pub(crate) values: Vec<f64>,
+    pub(crate) softness: Option<usize>,
+    pub(crate) columns: Vec<ColumnId>,
+    /// Prior standard deviation per column; infinite is free.
+    pub(crate) prior: Vec<f64>,
+}
+
+/// An effect at a place, in the shapes it may take.
+#[derive(Clone)]
+pub(crate) struct Candidate {
+    pub(crate) effect: &'static dyn Columns,
+    pub(crate) place: usize,
+    pub(crate) name: String,
+    pub(crate) scope: Vec<usize>,
+    pub(crate) variants: Vec<Variant>,
+}
+
+impl Candidate {
+    /// Effect name.
+    pub(crate) fn effect_name(&self) -> &'static str {
+        self.effect.entry().name
+    }
+}
+
+/// A candidate that has been accepted, with its shape and the numbers of its acceptance.
+#[derive(Debug, Clone)]
+pub(crate) struct Pick {
+    pub(crate) candidate: usize,
+    pub(crate) variant: Variant,
+    /// Family-wise p-value of the search.
+    pub(crate) p_search: f64,
+    /// p-value of the test on held-out data; 1 before it.
+    pub(crate) p_confirm: f64,
+    /// Blocks in which it helped.
+    pub(crate) wins: usize,
+}
+
+/// Everything a diagnosis works on.
+pub(crate) struct Work<'w> {
+    pub(crate) robot: &'w Robot,
+    /// The model with ordinary effects of the robot file counted into its joints.
+    pub(crate) baseline: Model,
+    pub(crate) motions: &'w [Motion],
+    pub(crate) design: Design,
+    pub(crate) gram: Gram,
+    pub(crate) candidates: Vec<Candidate>,
+    pub(crate) standard: StandardIds,
+    /// Size of an error of each rigid column.
+    pub(crate) rigid_spread: Vec<f64>,
+    pub(crate) picks: Vec<Pick>,
+    pub(crate) softness: usize,
+    /// Prior strength of the rigid parameters while structure is sought.
+    pub(crate) kappa: f64,
+}
+
+impl<'w> Work<'w> {
+    /// Builds columns of every candidate.
+    pub(crate) fn new(robot: &'w Robot, motions: &'w [Motion], band: f64) -> Self {
+        let mut design = Design::new(robot, motions, band);
+        let model = &robot.model;
+        let widths = largest_widths(robot, motions);
+        let standard = standard_columns(&mut design, motions, model, &widths);
+        let (speeds, travel) = extents(motions, model.n_act());
+        let resolution: Vec<f64> = speeds.iter().map(|v| v / (5.0 * band)).collect();
+        let massive = model.massive_links();
+        let ctx = Context { model, widths: &widths, top_speed: &speeds, travel: &travel, resolution: &resolution, massive: &massive };
+        let candidates = register(&ctx, &mut design, motions, &standard);
+        let rigid_spread = massive.iter().flat_map(|&l| columns::inertia_error::spread(&model.links[l].parameters)).collect();
+        let gram = Gram::new(&design);
+        let mut out = Self {
+            robot,
+            baseline: crate::refine::baseline(robot),
+            motions,
+            design,
+            gram,
+            candidates,
+            standard,
+            rigid_spread,
+            picks: Vec::new(),
+            softness: 0,
+            kappa: 0.0,
+        };
+        out.weigh();
+        out
+    }
+
+    /// Weights each joint by what a plain refit leaves there, so that no joint drowns the others.
+    fn weigh(&mut self) {
+        let columns = self.every_model_has(0);
+        let (ids, prior) = self.with_rigid(columns, 0.5);
+        let targets = vec![self.measured_minus_nominal(0, View::Fit)];
+        let cross = self.gram.cross(&self.design, &targets);
+        let theta = screen::fit(&self.gram, &cross, &ids, &prior, Over::All);
+        let left = self.residual(&ids, &theta, 0, View::Fit);
+        for (j, left) in left.iter().enumerate() {
+            let (mut sum, mut n) = (0.0, 0_usize);
+            for (s, rows) in self.design.rows.iter().enumerate() {
+                for i in (0..rows.time.len()).filter(|&i| rows.fold[i].is_some() && rows.valid[i] && rows.moving[j][i]) {
+                    sum += left[s][i] * left[s][i];
+                    n += 1;
+                }
+            }
+            let rms = pkm_dyn::math::sqrt(sum / n.max(1) as f64);
+            self.design.weight[j] = if rms > 0.0 { 1.0 / rms } else { 1.0 };
+        }
+        self.rebuild();
+    }
+
+    /// Sums of products anew, after columns or chains changed.
+    pub(crate) fn rebuild(&mut self) {
+        self.gram = Gram::new(&self.design);
+    }
+
+    /// Friction and offsets of the drives at a softness: what every model has besides inertias.
+    pub(crate) fn every_model_has(&self, softness: usize) -> Vec<ColumnId> {
+        let s = &self.standard;
+        s.offset.iter().chain(&s.viscous).chain(&s.coulomb[softness]).copied().collect()
+    }
+
+    /// Adds the inertial parameters with prior strength `kappa` (0: none at all); returns ids and inverse prior variances.
+    pub(crate) fn with_rigid(&self, mut ids: Vec<ColumnId>, kappa: f64) -> (Vec<ColumnId>, Vec<f64>) {
+        let mut prior = vec![0.0; ids.len()];
+        if kappa > 0.0 {
+            for (&id, spread) in self.standard.rigid.iter().zip(&self.rigid_spread) {
+                if !ids.contains(&id) {
+                    ids.push(id);
+                    prior.push(self.inverse_variance(id, kappa * spread));
+                }
+            }
+        }
+        (ids, prior)
+    }
+
+    /// Inverse prior variance of a coefficient in the units fits are solved in.
+    pub(crate) fn inverse_variance(&self, id: ColumnId, sd: f64) -> f64 {
+        if sd.is_finite() && sd > 0.0 {
+            let scaled = self.gram.scale[id] / sd;
+            scaled * scaled
+        } else {
+            0.0
+        }
+    }
+
+    /// Columns of everything picked, each once, with inverse prior variances.
+    pub(crate) fn picked(&self, without: Option<usize>) -> (Vec<ColumnId>, Vec<f64>) {
+        let mut ids = Vec::new();
+        let mut prior = Vec::new();
+        for (_, p) in self.picks.iter().enumerate().filter(|(i, _)| Some(*i) != without) {
+            for (&id, &sd) in p.variant.columns.iter().zip(&p.variant.prior) {
+                if !ids.contains(&id) {
+                    ids.push(id);
+                    prior.push(self.inverse_variance(id, sd));
+                }
+            }
+        }
+        (ids, prior)
+    }
+
+    /// What the model as given leaves of the measured effort: [joint][segment][row].
+    pub(crate) fn measured_minus_nominal(&self, softness: usize, view: View) -> Vec<Vec<Vec<f64>>> {
+        let d = &self.design;
+        (0..d.n_joints)
+            .map(|j| {
+                (0..d.rows.len())
+                    .map(|s| d.measured_rows(j, s, view).iter().zip(d.nominal_rows(softness, j, s, view)).map(|(y, m)| y - m).collect())
+                    .collect()
+            })
+            .collect()
+    }
+
+    /// What a fit leaves: [joint][segment][row]. `theta` is columns × 1.
+    pub(crate) fn residual(&self, ids: &[ColumnId], theta: &Mat<f64>, softness: usize, view: View) -> Vec<Vec<Vec<f64>>> {
+        let mut left = self.measured_minus_nominal(softness, view);
+        for (i, &id) in ids.iter().enumerate() {
+            for j in self.design.joints_of(id) {
+                for (s, left) in left[j].iter_mut().enumerate() {
+                    if let Some(x) = self.design.values(id, j, s, view) {
+                        left.iter_mut().zip(x).for_each(|(l, x)| *l -= theta[(i, 0)] * x);
+                    }
+                }
+            }
+        }
+        left
+    }
+
+    /// The fitted model upstream of the drive's chain, on the fine grid: [segment].
+    pub(crate) fn acting(&self, joint: usize, ids: &[ColumnId], theta: &Mat<f64>, softness: usize) -> Vec<Vec<f64>> {
+        let mut out = self.design.nominal[softness][joint].plain.clone();
+        for (i, &id) in ids.iter().enumerate() {
+            if let Some((_, pair)) = self.design.columns[id].joints.iter().find(|(j, _)| *j == joint) {
+                for (sum, x) in out.iter_mut().zip(&pair.plain) {
+                    sum.iter_mut().zip(x).for_each(|(s, x)| *s += theta[(i, 0)] * x);
+                }
+            }
+        }
+        out
+    }
+
+    /// Makes the chain candidates' columns from the fitted models, one model per softness: (columns, coefficients, softness).
+    pub(crate) fn refresh_chain(&mut self, models: &[(Vec<ColumnId>, Mat<f64>, usize)], band: f64) {
+        let chain: Vec<usize> = (0..self.candidates.len()).filter(|&c| self.candidates[c].effect.family() == Family::Chain).collect();
+        for c in chain {
+            let drive = self.candidates[c].scope[0];
+            let mut old: Vec<ColumnId> = self.candidates[c].variants.iter().flat_map(|v| v.columns.clone()).collect();
+            old.reverse();
+            // A picked chain column stays where it is; only its series is renewed.
+            let mut variants = Vec::new();
+            for (ids, theta, softness) in models {
+                let acting = self.acting(drive, ids, theta, *softness);
+                for (series, values) in self.chain_shapes(c, &acting, band) {
+                    let id = self.design.put_fine(old.pop(), drive, series);
+                    variants.push(Variant { values, softness: Some(*softness), columns: vec![id], prior: vec![f64::INFINITY] });
+                }
+            }
+            self.candidates[c].variants = variants;
+        }
+        self.rebuild();
+    }
+
+    fn chain_shapes(&self, candidate: usize, acting: &[Vec<f64>], band: f64) -> Vec<(Vec<Vec<f64>>, Vec<f64>)> {
+        let per = |f: &dyn Fn(&[f64], f64) -> Vec<f64>| acting.iter().zip(&self.design.fine).map(|(x, g)| f(x, g.dt)).collect();
+        if self.candidates[candidate].effect_name() == "actuator_lag" {
+            return vec![(per(&|x, dt| derivative(x, dt)), Vec::new())];
+        }
+        // Finite moves of the model: beyond a few hundredths of a period of the band, a delay is no longer its own derivative.
+        [0.02, 0.06, 0.15]
+            .into_iter()
+            .map(|share| {
+                let d = share / band;
+                let moved = |x: &[f64], dt: f64| advanced(x, d, dt).iter().zip(x).map(|(m, x)| (m - x) / d).collect();
+                (per(&moved), vec![d])
+            })
+            .collect()
+    }
+
+    /// Adds a pick; ordinary parameters it was sought together with become picks of their own.
+    pub(crate) fn pick(&mut self, mut pick: Pick) {
+        let n_own = self.candidates[pick.candidate].effect.n_own().min(pick.variant.columns.len());
+        let companions = pick.variant.columns.split_off(n_own);
+        pick.variant.prior.truncate(n_own);
+        for id in companions {
+            let of = |c: &Candidate| c.effect.family() == Family::Standard && c.variants.iter().any(|v| v.columns == [id]);
+            let Some(candidate) = self.candidates.iter().position(of) else { continue };
+            if self.picks.iter().any(|p| p.candidate == candidate) {
+                continue;
+            }
+            let variant = Variant { values: Vec::new(), softness: None, columns: vec![id], prior: vec![f64::INFINITY] };
+            self.picks.push(Pick { candidate, variant, ..pick.clone() });
+        }
+        self.picks.push(pick);
+    }
+
+    /// Takes a softness, for everything picked as well.
+    pub(crate) fn set_softness(&mut self, softness: usize) {
+        self.softness = softness;
+        for p in &mut self.picks {
+            let same = |v: &&Variant| v.softness == Some(softness) && v.values == p.variant.values;
+            if p.variant.softness.is_some()
+                && let Some(v) = self.candidates[p.candidate].variants.iter().find(same)
+            {
+                p.variant = v.clone();
+            }
+        }
+    }
+
+    /// Measured minus nominal for each softness, as targets.
+    pub(crate) fn real_targets(&self, softnesses: &[usize]) -> Targets {
+        softnesses.iter().map(|&w| self.measured_minus_nominal(w, View::Fit)).collect()
+    }
+
+    /// Drive of a candidate's place, if it is a driven joint.
+    pub(crate) fn drive(&self, candidate: usize) -> Option<usize> {
+        use pkm_dyn::effects::PlaceKind;
+        let c = &self.candidates[candidate];
+        match c.effect.entry().place {
+            PlaceKind::Joint => self.robot.model.actuators.iter().position(|&j| j == c.place),
+            _ => None,
+        }
+    }
+}
+
+fn largest_widths(robot: &Robot, motions: &[Motion]) -> Vec<Vec<f64>> {
+    let per_segment = design::widths(robot, motions);
+    let mut out = vec![vec![0.0_f64; robot.model.nv()]; SOFTNESS.len()];
+    for segment in per_segment {
+        for (sum, widths) in out.iter_mut().zip(segment) {
+            for (s, w) in sum.iter_mut().zip(widths) {
+                *s = s.max(w);
+            }
+        }
+    }
+    out
+}
+
+fn extents(motions: &[Motion], n: usize) -> (Vec<f64>, Vec<f64>) {
+    let each = |f: &dyn Fn(&Motion, usize) -> f64| (0..n).map(|k| motions.iter().map(|m| f(m, k)).fold(0.0, f64::max)).collect();
+    let range = |m: &Motion, k: usize| {
+        let q = &m.segment.q[k];
+        q.iter().copied().fold(f64::NEG_INFINITY, f64::max) - q.iter().copied().fold(f64::INFINITY, f64::min)
+    };
+    (each(&|m, k| top_speed(&m.segment.v[k])), each(&range))
+}
+
+fn standard_columns(design: &mut Design, motions: &[Motion], model: &Model, widths: &[Vec<f64>]) -> StandardIds {
+    let n = model.n_act();
+    let n_rigid = model.massive_links().len() * N_INERTIAL;
+    let each = |f: fn(&Motion, usize) -> Vec<f64>| -> Vec<Make> {
+        (0..n).map(|k| Box::new(move |m: &Motion| vec![(k, f(m, k))]) as Make).collect()
+    };
+    let offset = design.push(motions, each(|m, _| vec![1.0; m.segment.valid.len()]));
+    let viscous = design.push(motions, each(|m, k| m.segment.v[k].clone()));
+    let coulomb = widths
+        .iter()
+        .map(|widths| {
+            let sources = (0..n).map(|k| {
+                let width = widths[model.actuators[k]];
+                Box::new(move |m: &Motion| vec![(k, Motion::direction(&m.segment.v[k], width))]) as Make
+            });
+            design.push(motions, sources.collect())
+        })
+        .collect();
+    let rigid = (0..n_rigid).map(|c| Box::new(move |m: &Motion| m.link_columns[c].iter().cloned().enumerate().collect()) as Make).collect();
+    let rigid = design.push(motions, rigid);
+    StandardIds { rigid, viscous, coulomb, offset }
+}
+
+fn register(ctx: &Context, design: &mut Design, motions: &[Motion], standard: &StandardIds) -> Vec<Candidate> {
+    let mut out = Vec::new();
+    for &effect in columns::ALL {
+        for proposal in effect.propose(ctx) {
+            let mut variants: Vec<Variant> = proposal.shapes.into_iter().map(|shape| variant(shape, design, motions, standard)).collect();
+            variants.retain(|v| v.columns.iter().any(|&c| design.joints_of(c).next().is_some()));
+            if !variants.is_empty() || effect.family() == Family::Chain {
+                out.push(Candidate { effect, place: proposal.place, name: proposal.name, scope: proposal.scope, variants });
+            }
+        }
+    }
+    out
+}
+
+fn variant(shape: Shape, design: &mut Design, motions: &[Motion], standard: &StandardIds) -> Variant {
+    let mut columns = Vec::new();
+    for source in shape.sources {
+        columns.push(match source {
+            Source::New(f) => design.push(motions, vec![f])[0],
+            Source::Rigid(link, k) => standard.rigid[link * N_INERTIAL + k],
+            Source::Viscous(k) => standard.viscous[k],
+            Source::Coulomb(k, w) => standard.coulomb[w][k],
+            Source::Offset(k) => standard.offset[k],
+        });
+    }
+    Variant { values: shape.values, softness: shape.softness, columns, prior: shape.prior }
+}

@@ -1,0 +1,159 @@
+//! What every verb that diagnoses shares: settings from flags, recordings from files, the run itself, the verdict as text.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{anyhow, ensure};
+use pkm_diagnose::{Diagnosis, InputError, Settings, Verdict};
+use pkm_dyn::urdf::Description;
+use pkm_ident::Recording;
+use pkm_record::ReadOptions;
+
+use crate::outputs::is_same_file;
+use crate::progress::Progress;
+
+/// Flags that change how a diagnosis decides.
+#[derive(Debug, Clone, clap::Args)]
+pub(crate) struct SettingsArgs {
+    /// Compare efforts below this frequency only [default: chosen from the motion].
+    #[arg(long, value_name = "HZ", value_parser = positive)]
+    band: Option<f64>,
+    /// Smallest share of the squared error that a finding must explain to be worth a name [default: 0.03].
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    floor: Option<f64>,
+    /// Seed of the null runs [default: 1].
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Null runs per decision, 19 to 9999 [default: 199].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(19..=9999))]
+    null_runs: Option<u16>,
+}
+
+impl SettingsArgs {
+    /// The defaults of the engine where no flag says otherwise.
+    pub(crate) fn settings(&self) -> Settings {
+        let default = Settings::default();
+        Settings {
+            band_hz: self.band,
+            floor: self.floor.unwrap_or(default.floor),
+            seed: self.seed.unwrap_or(default.seed),
+            null_runs: self.null_runs.map_or(default.null_runs, usize::from),
+            ..default
+        }
+    }
+}
+
+/// A finite number above zero.
+pub(crate) fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x.is_finite() && x > 0.0 => Ok(x),
+        _ => Err("must be a number > 0".to_string()),
+    }
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if (0.0..1.0).contains(&x) => Ok(x),
+        _ => Err("must be a number >= 0 and < 1".to_string()),
+    }
+}
+
+/// Reads recordings from their files.
+///
+/// # Errors
+/// One line that names the file and the place in it.
+pub(crate) fn read_recordings(paths: &[PathBuf], topic: Option<&str>) -> anyhow::Result<Vec<Recording>> {
+    let options = ReadOptions { topic: topic.map(str::to_string), recover: false };
+    let mut out = Vec::new();
+    for path in paths {
+        let recording = pkm_record::read(path, &options)?;
+        tracing::info!("recording {}: {} samples, {:.1} s", path.display(), recording.len(), recording.duration());
+        out.push(recording);
+    }
+    Ok(out)
+}
+
+/// Refuses a file that is given twice: held-out data that was fitted proves nothing.
+///
+/// # Errors
+/// Names the file.
+pub(crate) fn each_once(recordings: &[PathBuf], holdouts: &[PathBuf]) -> anyhow::Result<()> {
+    let all: Vec<&Path> = recordings.iter().chain(holdouts).map(PathBuf::as_path).collect();
+    for (i, path) in all.iter().enumerate() {
+        let is_twice = all[..i].iter().any(|before| is_same_file(before, path));
+        ensure!(!is_twice, "{}: given twice among --recording and --holdout (limit: once)", path.display());
+    }
+    Ok(())
+}
+
+/// A robot with the name its errors are told under.
+pub(crate) struct Subject<'d> {
+    pub(crate) description: &'d Description,
+    pub(crate) file: &'d str,
+}
+
+/// Runs the engine.
+///
+/// # Errors
+/// Recordings that do not fit the robot: one line.
+pub(crate) fn run(
+    subject: &Subject,
+    train: &[Recording],
+    holdout: &[Recording],
+    settings: &Settings,
+    quiet: bool,
+) -> anyhow::Result<Diagnosis> {
+    let mut progress = Progress::new("diagnosing", quiet);
+    let result = pkm_diagnose::diagnose(subject.description, train, holdout, settings, &mut |share| progress.update(share));
+    tracing::info!("diagnosis took {:.1} s", progress.seconds());
+    result.map_err(|e| input_error(e, subject.file))
+}
+
+/// An error of the engine with the file it is about: it knows recordings by their names, but robots by theirs alone.
+pub(crate) fn input_error(error: InputError, robot: &str) -> anyhow::Error {
+    match error {
+        InputError::Mobility { .. } => anyhow!("{robot}: {error}"),
+        InputError::Band { .. } => anyhow!("--band: {error}"),
+        other => other.into(),
+    }
+}
+
+/// The verdict as JSON text.
+///
+/// # Panics
+/// With a number that is not finite: whoever reads the file relies on there being none.
+pub(crate) fn json(verdict: &Verdict) -> anyhow::Result<String> {
+    let value = serde_json::to_value(verdict)?;
+    // No field of a verdict is optional, so a null is a number that JSON cannot write.
+    if let Some(place) = null_in(&value, "verdict") {
+        panic!("{place} is not a finite number");
+    }
+    Ok(serde_json::to_string_pretty(&value)? + "\n")
+}
+
+fn null_in(value: &serde_json::Value, at: &str) -> Option<String> {
+    match value {
+        serde_json::Value::Null => Some(at.to_string()),
+        serde_json::Value::Array(items) => items.iter().enumerate().find_map(|(i, v)| null_in(v, &format!("{at}[{i}]"))),
+        serde_json::Value::Object(items) => items.iter().find_map(|(k, v)| null_in(v, &format!("{at}.{k}"))),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_that_json_cannot_write_is_found() {
+        let value = serde_json::json!({"a": [1.0, f64::NAN]});
+        assert_eq!(null_in(&value, "v").as_deref(), Some("v.a[1]"));
+    }
+
+    #[test]
+    fn numbers_out_of_range_are_refused() {
+        for text in ["0", "-1", "nan", "inf", "x", ""] {
+            assert!(positive(text).is_err(), "{text}");
+        }
+        assert!(share("1").is_err() && share("-0.1").is_err() && share("0.03").is_ok());
+    }
+}

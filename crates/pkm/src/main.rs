@@ -1,0 +1,188 @@
+//! The `pkm` command: one verb per file. Everything it computes is in the libraries; here are arguments, files and words.
+//!
+//! Exit codes: 0 done, 1 something was found that the caller asked to be told about, 2 bad usage or bad input, 70 internal error.
+
+mod check;
+mod convert;
+mod demo;
+mod diagnose;
+mod diagnosis;
+mod effects;
+mod out;
+mod outputs;
+mod progress;
+mod random;
+mod robot_file;
+mod seal;
+mod trial_null;
+
+use core::panic::AssertUnwindSafe;
+use std::panic::catch_unwind;
+use std::process::ExitCode;
+use std::sync::Once;
+
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+
+/// Exit code of a mistake in pkm itself.
+const INTERNAL: u8 = 70;
+
+/// Exit code of bad usage and bad input.
+const BAD_INPUT: u8 = 2;
+
+const HELP: &str = "\
+{about}
+
+{usage-heading} {usage}
+
+Look at a robot:
+  check       Say what a robot file describes and whether it can be diagnosed
+  effects     List the physics that a diagnosis can name
+
+Handle recordings:
+  convert     Turn a CSV recording into MCAP, or back
+
+Find missing physics:
+  diagnose    Locate, name and size what a robot file leaves out of its recordings
+  trial-null  Diagnose the same runs with nothing missing: how often is something found?
+
+See it work:
+  demo        Conceal an effect in a simulated robot and find it again; needs no files
+
+Options:
+{options}
+
+Examples:
+  pkm demo
+  pkm check prs3
+  pkm diagnose robot.toml --recording A.csv --holdout B.csv --json out.json --html out.html
+  pkm convert A.csv A.mcap --robot robot.toml
+  pkm effects friction_stribeck
+
+`pkm VERB --help` explains a verb and its flags. Shipped robots can be given by name wherever a ROBOT is asked for.
+";
+
+/// Models of parallel robots, and what their recordings say is missing from them.
+#[derive(Debug, Parser)]
+#[command(name = "pkm", version, help_template = HELP, subcommand_value_name = "VERB", disable_help_subcommand = true)]
+struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    verb: Verb,
+    /// Tell on standard error what is being done; twice for more.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    verbose: u8,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Say what a robot file describes and whether it can be diagnosed.
+    Check(check::Args),
+    /// List the physics that a diagnosis can name, or one entry in full.
+    Effects(effects::Args),
+    /// Turn a CSV recording into MCAP, or back.
+    Convert(convert::Args),
+    /// Locate, name and size what a robot file leaves out of its recordings.
+    Diagnose(diagnose::Args),
+    /// Diagnose the same runs with nothing missing: how often is something found?
+    TrialNull(trial_null::Args),
+    /// Conceal an effect in a simulated robot and find it again.
+    Demo(demo::Args),
+}
+
+fn main() -> ExitCode {
+    install_panic_hook();
+    let cli = match parse() {
+        Ok(cli) => cli,
+        Err(code) => return code,
+    };
+    start_log(cli.verbose);
+    let result = catch_unwind(AssertUnwindSafe(|| match &cli.verb {
+        Verb::Check(args) => check::run(args),
+        Verb::Effects(args) => effects::run(args),
+        Verb::Convert(args) => convert::run(args),
+        Verb::Diagnose(args) => diagnose::run(args),
+        Verb::TrialNull(args) => trial_null::run(args),
+        Verb::Demo(args) => demo::run(args),
+    }));
+    match result {
+        Ok(Ok(code)) => code,
+        Ok(Err(e)) => {
+            out::error(&format!("{e:#}"));
+            ExitCode::from(BAD_INPUT)
+        }
+        Err(_) => ExitCode::from(INTERNAL),
+    }
+}
+
+/// Arguments, or the exit code of having said why there are none.
+fn parse() -> Result<Cli, ExitCode> {
+    let matches = Cli::command().try_get_matches();
+    matches.and_then(|m| Cli::from_arg_matches(&m)).map_err(|e| {
+        if !e.use_stderr() {
+            // Help and version: wanted, not wrong. A closed pipe is no reason to complain.
+            let _ = e.print();
+            return ExitCode::SUCCESS;
+        }
+        let text = e.to_string();
+        let told = text.lines().take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more information"));
+        let line = told.collect::<Vec<_>>().join(" ");
+        out::error(&format!("{} (see `pkm --help`)", line.strip_prefix("error: ").unwrap_or(&line)));
+        ExitCode::from(BAD_INPUT)
+    })
+}
+
+/// One line instead of a backtrace; several threads may panic at once, one speaks.
+fn install_panic_hook() {
+    static ONCE: Once = Once::new();
+    std::panic::set_hook(Box::new(|info| {
+        ONCE.call_once(|| {
+            let payload = info.payload();
+            let what = payload.downcast_ref::<&str>().copied().or_else(|| payload.downcast_ref::<String>().map(String::as_str));
+            let place = info.location().map_or(String::new(), |l| format!(" ({}:{})", l.file(), l.line()));
+            out::line_on_stderr(&format!("internal error: {}{place}; please report", what.unwrap_or("unknown")));
+        });
+    }));
+}
+
+fn start_log(verbose: u8) {
+    let level = match verbose {
+        0 => return,
+        1 => "pkm=info",
+        _ => "pkm=debug",
+    };
+    tracing_subscriber::fmt()
+        .with_env_filter(tracing_subscriber::EnvFilter::new(level))
+        .with_writer(std::io::stderr)
+        .without_time()
+        .with_target(false)
+        .init();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn the_help_lists_every_verb_with_its_own_words() {
+        for verb in Cli::command().get_subcommands() {
+            let about = verb.get_about().unwrap().to_string();
+            let first = about.split(',').next().unwrap().trim_end_matches('.').to_string();
+            assert!(HELP.contains(&format!("  {}", verb.get_name())), "{}", verb.get_name());
+            assert!(HELP.contains(&first), "{first}");
+        }
+    }
+
+    #[test]
+    fn every_flag_is_explained() {
+        for verb in Cli::command().get_subcommands() {
+            for argument in verb.get_arguments() {
+                assert!(argument.get_help().is_some(), "{} {}", verb.get_name(), argument.get_id());
+            }
+        }
+    }
+}

@@ -1,0 +1,31 @@
+//! The robot that a command names: a robot.toml, or a shipped robot by name.
+
+use std::path::Path;
+
+use anyhow::bail;
+use pkm_dyn::urdf::{Description, load, parse};
+
+/// Reads the robot.toml at `robot`; a bare word that is no file is the name of a shipped robot.
+///
+/// # Errors
+/// One line that names file, place, value and limit.
+pub(crate) fn read(robot: &Path) -> anyhow::Result<Description> {
+    if !robot.is_file()
+        && let Some(name) = bare_word(robot)
+    {
+        if let Some(shipped) = pkm_robots::find(name) {
+            tracing::info!("shipped robot {name}");
+            return Ok(parse(shipped.toml, shipped.urdf, [shipped.toml_name, shipped.urdf_name])?);
+        }
+        if !robot.exists() {
+            let known: Vec<&str> = pkm_robots::ALL.iter().map(|r| r.name).collect();
+            bail!("{name}: no such file, and no shipped robot of that name (there are: {})", known.join(", "));
+        }
+    }
+    tracing::info!("robot {}", robot.display());
+    Ok(load(robot)?)
+}
+
+fn bare_word(path: &Path) -> Option<&str> {
+    path.to_str().filter(|text| !text.contains(['/', '\\', '.']))
+}

@@ -1,0 +1,6 @@
+//! The command as its users meet it.
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails, outside #[test] functions too")]
+
+mod bad_input;
+mod fixture;
+mod verbs;

@@ -1,0 +1,208 @@
+//! What every verb does when its input is good.
+
+use std::fs;
+
+use crate::fixture::{demo, names, pkm, prints, rig, rig_with_recordings};
+use pkm_ident::base::{States, base_parameters};
+use serde_json::Value;
+
+#[test]
+fn every_shipped_robot_can_be_diagnosed() {
+    let folder = tempfile::tempdir().unwrap();
+    for robot in pkm_robots::ALL {
+        let text = prints(folder.path(), &["check", robot.name]);
+        assert!(text.contains("equal to the number of drives") && !text.contains("Warnings"), "{text}");
+        let json: Value = serde_json::from_str(&prints(folder.path(), &["check", robot.name, "--json"])).unwrap();
+        assert_eq!(json["robot"], robot.name);
+        assert!(json["parameters"]["base"].as_u64().unwrap() <= json["parameters"]["acting"].as_u64().unwrap());
+        assert!(json["parameters"]["gap"].as_f64().unwrap() > 1e6, "{}", robot.name);
+    }
+}
+
+/// The ranks of the two published parallel robots, which independent programs have computed symbolically.
+#[test]
+fn known_numbers_of_base_parameters() {
+    let count = |name: &str, kind, gravity: bool| {
+        let robot = pkm_robots::find(name).unwrap();
+        let mut model = pkm_dyn::urdf::parse(robot.toml, robot.urdf, [robot.toml_name, robot.urdf_name]).unwrap().bare;
+        if !gravity {
+            model.gravity.fill(0.0);
+        }
+        let mut x = 0.1_f64;
+        let mut uniform = || {
+            x = (x * 997.0 + 0.618_033_988_749_895) % 1.0;
+            x
+        };
+        let base = base_parameters(&model, kind, 300, &mut uniform).unwrap();
+        (base.standard, base.acting, base.inertial, base.with_rotors)
+    };
+    assert_eq!(count("prs3", States::Moving, true), (70, 25, 19, 22));
+    assert_eq!(count("prs3", States::Moving, false).2, 19);
+    assert_eq!(count("ups3_rpu1", States::Moving, true).2, 51);
+    assert_eq!(count("ups3_rpu1", States::Moving, false).2, 40);
+    assert_eq!(count("ups3_rpu1", States::AtRest, true).2, 15);
+}
+
+#[test]
+fn impossible_inertias_are_a_warning() {
+    let folder = rig();
+    fs::write(folder.path().join("rig.urdf"), crate::fixture::RIG_URDF.replacen("izz=\"0.02\"", "izz=\"0.2\"", 1)).unwrap();
+    let text = prints(folder.path(), &["check", "rig.toml"]);
+    assert!(text.contains("Warnings") && text.contains("\"arm\"") && text.contains("pseudo-inertia"), "{text}");
+}
+
+#[test]
+fn csv_to_mcap_and_back_keeps_every_value() {
+    let folder = rig_with_recordings();
+    let said = prints(folder.path(), &["convert", "A.csv", "there.mcap", "--robot", "rig.toml"]);
+    assert!(said.contains("there.mcap"), "{said}");
+    prints(folder.path(), &["convert", "there.mcap", "back.csv"]);
+    let read = |name: &str| pkm_record::read(&folder.path().join(name), &pkm_record::ReadOptions::default()).unwrap();
+    let (there, back) = (read("A.csv"), read("back.csv"));
+    assert_eq!((there.time, there.signals), (back.time, back.signals));
+    let attached = pkm_record::read_attachments(&folder.path().join("there.mcap"), &pkm_record::ReadOptions::default()).unwrap();
+    let mut files: Vec<(&str, &[u8])> = attached.files.iter().map(|f| (f.name.as_str(), f.bytes.as_slice())).collect();
+    files.sort_unstable();
+    assert_eq!(files, [("rig.urdf", crate::fixture::RIG_URDF.as_bytes()), ("robot.toml", crate::fixture::RIG_TOML.as_bytes())]);
+    // Through another MCAP file the attachments stay.
+    prints(folder.path(), &["convert", "there.mcap", "again.mcap"]);
+    let again = pkm_record::read_attachments(&folder.path().join("again.mcap"), &pkm_record::ReadOptions::default()).unwrap();
+    assert_eq!(again.files, attached.files);
+}
+
+#[test]
+fn the_catalogue_is_listed() {
+    let folder = tempfile::tempdir().unwrap();
+    let (all, json) = (prints(folder.path(), &["effects"]), prints(folder.path(), &["effects", "--json"]));
+    let json: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json.as_array().unwrap().len(), pkm_dyn::effects::CATALOGUE.len());
+    for e in pkm_dyn::effects::CATALOGUE {
+        assert!(all.contains(e.name) && all.contains(e.equation), "{}", e.name);
+        let one = prints(folder.path(), &["effects", e.name]);
+        assert!(e.look_alikes.iter().all(|l| one.contains(l.effect) && one.contains(l.experiment)), "{one}");
+    }
+}
+
+/// Keys of formats section 3, and that nothing in the file is null: a null is a number that was not finite.
+fn assert_complete(verdict: &Value) {
+    let has = |value: &Value, keys: &[&str]| {
+        for key in keys {
+            assert!(value.get(key).is_some_and(|v| !v.is_null()), "{key} in {value}");
+        }
+    };
+    has(
+        verdict,
+        &[
+            "schema",
+            "status",
+            "robot",
+            "recordings",
+            "nothing_missing",
+            "heldout",
+            "findings",
+            "unexplained",
+            "minimum_detectable",
+            "refined_model",
+        ],
+    );
+    assert_eq!(verdict["schema"], "pkm.verdict/1");
+    assert_eq!(verdict["heldout"]["unit"], "fraction of tau rms");
+    has(&verdict["heldout"], &["rms_nominal", "rms_refit", "rms_final", "noise_floor", "band_hz", "unit"]);
+    has(&verdict["unexplained"], &["present", "share_of_residual", "where", "depends_on"]);
+    for recording in verdict["recordings"].as_array().unwrap() {
+        has(recording, &["path", "samples", "duration_s", "used"]);
+    }
+    let findings = verdict["findings"].as_array().unwrap();
+    for (i, finding) in findings.iter().enumerate() {
+        has(finding, &["rank", "effect", "where", "regime", "when", "confidence", "p_value", "parameters"]);
+        has(finding, &["heldout_rms_before", "heldout_rms_after", "says", "look_alikes", "cannot_tell_from"]);
+        assert_eq!(finding["rank"], i + 1);
+        for look_alike in finding["look_alikes"].as_array().unwrap() {
+            has(look_alike, &["effect", "why_not", "separating_experiment"]);
+        }
+        for alias in finding["cannot_tell_from"].as_array().unwrap() {
+            has(alias, &["effect", "where"]);
+        }
+        for (_, estimate) in finding["parameters"].as_object().unwrap() {
+            has(estimate, &["value", "ci95", "unit"]);
+        }
+    }
+    for detectable in verdict["minimum_detectable"].as_array().unwrap() {
+        has(detectable, &["effect", "where", "parameter", "value", "unit"]);
+    }
+    let is_silent = findings.is_empty() && verdict["unexplained"]["present"] == false;
+    assert_eq!(verdict["nothing_missing"].as_bool().unwrap(), is_silent);
+    assert!(!verdict.to_string().contains("null"), "{verdict}");
+}
+
+#[test]
+fn the_demo_finds_dry_friction_and_its_refined_robot_runs() {
+    let said = fs::read_to_string(demo().join("told.txt")).unwrap();
+    assert!(said.contains("Concealed: friction_coulomb at ") && said.contains("The effect is named and its place is right."), "{said}");
+    assert!(said.contains("The seal is unbroken.") && said.contains("refined.robot.toml, runs in the simulator"), "{said}");
+    let folder = demo().join("demo");
+    let files = ["motion1.mcap", "motion2.mcap", "refined.robot.toml", "refined.robot.urdf", "report.html", "sealed.json", "verdict.json"];
+    assert_eq!(names(&folder), files);
+    assert_complete(&serde_json::from_str(&fs::read_to_string(folder.join("verdict.json")).unwrap()).unwrap());
+    let sealed: Value = serde_json::from_str(&fs::read_to_string(folder.join("sealed.json")).unwrap()).unwrap();
+    assert_eq!(sealed["concealed"][0]["effect"], "friction_coulomb");
+    assert!(prints(&folder, &["check", "refined.robot.toml"]).contains("rig"));
+}
+
+#[test]
+fn the_same_demo_twice_writes_the_same_verdict() {
+    let folder = rig();
+    pkm(folder.path(), &["demo", "--robot", "rig.toml", "--effect", "friction_coulomb", "--duration", "10", "--out", "demo"]);
+    for name in ["verdict.json", "refined.robot.toml", "refined.robot.urdf", "sealed.json", "report.html"] {
+        let [first, second] = [demo(), folder.path()].map(|f| fs::read(f.join("demo").join(name)).unwrap());
+        assert!(first == second, "{name}");
+    }
+}
+
+#[test]
+fn a_diagnosis_writes_all_its_files_and_tells_by_its_exit_status() {
+    let folder = rig_with_recordings();
+    let diagnose = ["diagnose", "rig.toml", "--recording", "A.csv", "--holdout", "B.mcap"];
+    let outputs = ["--json", "out.json", "--html", "out.html", "--null-runs", "39", "--seed", "3"];
+    let output = pkm(folder.path(), &[&diagnose[..], &outputs, &["--fail-on-mismatch"]].concat());
+    assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("friction_coulomb"));
+    assert!(output.stderr.is_empty());
+    let before = ["A.csv", "A.mcap", "B.csv", "B.mcap", "rig.toml", "rig.urdf"];
+    let mut all: Vec<&str> = [&before[..], &["out.html", "out.json", "out.robot.toml", "out.robot.urdf"]].concat();
+    all.sort_unstable();
+    assert_eq!(names(folder.path()), all);
+    let verdict: Value = serde_json::from_str(&fs::read_to_string(folder.path().join("out.json")).unwrap()).unwrap();
+    assert_complete(&verdict);
+    assert_eq!(verdict["refined_model"], "out.robot.toml");
+    assert_eq!((&verdict["recordings"][0]["path"], &verdict["recordings"][0]["used"]), (&"A.csv".into(), &"train".into()));
+    assert_eq!((&verdict["recordings"][1]["path"], &verdict["recordings"][1]["used"]), (&"B.mcap".into(), &"holdout".into()));
+    let page = fs::read_to_string(folder.path().join("out.html")).unwrap();
+    assert!(page.contains("friction_coulomb") && !page.contains("http://") && !page.contains("https://"));
+    assert!(prints(folder.path(), &["check", "out.robot.toml"]).contains("rig"));
+    // Without the flag the same answer is a success, and quiet means quiet.
+    let quiet = pkm(folder.path(), &[&diagnose[..], &["--null-runs", "39", "--quiet"]].concat());
+    assert_eq!((quiet.status.code(), quiet.stdout.len(), quiet.stderr.len()), (Some(0), 0, 0));
+    assert_eq!(names(folder.path()), all, "no JSON, no refined robot");
+}
+
+#[test]
+fn a_refined_robot_can_be_asked_for_without_json() {
+    let folder = rig_with_recordings();
+    let arguments = ["diagnose", "rig.toml", "--recording", "A.csv", "--refined", "better.toml", "--null-runs", "39"];
+    assert!(prints(folder.path(), &arguments).contains("better.toml"));
+    assert!(folder.path().join("better.toml").is_file() && folder.path().join("better.urdf").is_file());
+    prints(folder.path(), &["check", "better.toml"]);
+}
+
+#[test]
+fn runs_with_nothing_missing_are_tabulated() {
+    let folder = rig_with_recordings();
+    let refined = demo().join("demo").join("refined.robot.toml").display().to_string();
+    let arguments = ["trial-null", &refined, "--recording", "A.csv", "--holdout", "B.csv", "--runs", "2", "--json", "null.json"];
+    let said = prints(folder.path(), &[&arguments[..], &["--null-runs", "39"]].concat());
+    assert!(said.contains("of 2 runs with nothing missing"), "{said}");
+    let json: Value = serde_json::from_str(&fs::read_to_string(folder.path().join("null.json")).unwrap()).unwrap();
+    assert_eq!((&json["schema"], json["runs"].as_array().unwrap().len()), (&"pkm.null/1".into(), 2));
+    assert_eq!(json["runs"][1]["seed"], 2);
+}

@@ -1,0 +1,197 @@
+//! Recordings at the edge: CSV and MCAP files in, [`Recording`]s out, and back.
+//!
+//! Knows file formats only. What a signal means is `pkm-ident`'s business, whether it is good enough `pkm-diagnose`'s.
+//! Files come from anywhere: nothing here panics on them, and no length read from a file is believed before it is checked.
+
+extern crate alloc;
+
+mod csv;
+mod error;
+mod mcap;
+mod meta;
+
+use alloc::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+pub use error::{ReadError, WriteError};
+use pkm_ident::Recording;
+
+/// How to read a file; the default reads whole files only.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct ReadOptions {
+    /// Topic of the joint states in an MCAP file; without it `/joint_states`, or the only one there is. A CSV file has no topics.
+    pub topic: Option<String>,
+    /// Returns what is complete of a damaged MCAP file instead of an error; the recording says so under `recovered` in its metadata.
+    pub recover: bool,
+}
+
+/// A file carried inside an MCAP file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Attachment {
+    /// File name, such as `robot.toml`.
+    pub name: String,
+    /// Media type, such as `application/toml`.
+    pub media_type: String,
+    /// Content.
+    pub bytes: Vec<u8>,
+}
+
+/// What a written file carries besides the recording.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Attachments {
+    /// Files; CSV has no place for them and leaves them out.
+    pub files: Vec<Attachment>,
+    /// Further metadata keys, such as a configuration hash; on reading they are in `Meta::other`.
+    pub keys: BTreeMap<String, String>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Csv,
+    Mcap,
+}
+
+impl Format {
+    fn of(path: &Path) -> Option<Self> {
+        let extension = path.extension()?;
+        if extension.eq_ignore_ascii_case("csv") {
+            Some(Self::Csv)
+        } else if extension.eq_ignore_ascii_case("mcap") {
+            Some(Self::Mcap)
+        } else {
+            None
+        }
+    }
+}
+
+/// Reads a recording from a `.csv` or `.mcap` file; its name is the path as given.
+///
+/// ```
+/// # let directory = tempfile::tempdir().unwrap();
+/// # let path = directory.path().join("A.csv");
+/// std::fs::write(&path, "# tau = measured\nt,q.leg_1,tau.leg_1\n0.00,0.1,2.5\n0.01,0.2,\n").unwrap();
+/// let recording = pkm_record::read(&path, &pkm_record::ReadOptions::default()).unwrap();
+/// assert_eq!(recording.signal("q.leg_1").unwrap(), [0.1, 0.2]);
+/// assert!(recording.signal("tau.leg_1").unwrap()[1].is_nan());
+/// ```
+///
+/// # Errors
+/// Says in one line what is wrong where. A damaged MCAP file is an error unless `options.recover` is set.
+pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, ReadError> {
+    let file = path.display().to_string();
+    let mut source = open(path, &file)?;
+    // Content before extension: an MCAP file under another name would be reported as a broken table.
+    match source.format {
+        Format::Mcap => mcap::read(&file, source.reader, source.length, options),
+        Format::Csv => {
+            let mut bytes = Vec::new();
+            source.reader.read_to_end(&mut bytes).map_err(|e| io_error(&file, &e))?;
+            csv::parse(&file, &bytes)
+        }
+    }
+}
+
+/// Reads the files carried inside an MCAP file, those above 64 MiB left out; a CSV file has none.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_attachments(path: &Path, options: &ReadOptions) -> Result<Attachments, ReadError> {
+    let file = path.display().to_string();
+    let source = open(path, &file)?;
+    match source.format {
+        Format::Mcap => mcap::read_attachments(&file, source.reader, source.length, options),
+        Format::Csv => Ok(Attachments::default()),
+    }
+}
+
+/// Writes a recording as `.csv` or `.mcap`; the file appears complete or not at all.
+///
+/// ```
+/// # let directory = tempfile::tempdir().unwrap();
+/// # let path = directory.path().join("A.mcap");
+/// let mut recording = pkm_ident::Recording { time: vec![0.0, 0.001], ..Default::default() };
+/// recording.signals.insert("q.leg_1".to_string(), vec![0.1, f64::NAN]);
+/// pkm_record::write(&path, &recording, &pkm_record::Attachments::default()).unwrap();
+/// assert_eq!(pkm_record::read(&path, &Default::default()).unwrap().time, recording.time);
+/// ```
+///
+/// # Errors
+/// If the extension is unknown, the recording cannot be represented, or the file system refuses.
+pub fn write(path: &Path, recording: &Recording, attachments: &Attachments) -> Result<(), WriteError> {
+    let file = path.display().to_string();
+    let format = Format::of(path).ok_or_else(|| WriteError::UnknownFormat { file: file.clone() })?;
+    check(&file, recording)?;
+    let lines = meta::to_pairs(&file, &recording.meta, &attachments.keys)?;
+    // In the same directory: a rename across file systems is a copy, and a copy can be seen half done.
+    let directory = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let io = |e: std::io::Error| WriteError::Io { file: file.clone(), detail: e.to_string() };
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // As any other new file: the umask decides, not the privacy of temporary files.
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    let mut temporary = builder.prefix(".").suffix(".part").tempfile_in(directory).map_err(io)?;
+    match format {
+        Format::Csv => csv::write(temporary.as_file_mut(), recording, &lines).map_err(io)?,
+        Format::Mcap => mcap::write(&file, temporary.as_file_mut(), recording, (lines, &attachments.files))?,
+    }
+    temporary.as_file().sync_all().map_err(io)?;
+    temporary.persist(path).map_err(|e| io(e.error))?;
+    Ok(())
+}
+
+struct Source {
+    reader: std::io::Chain<std::io::Cursor<Vec<u8>>, File>,
+    length: u64,
+    format: Format,
+}
+
+fn io_error(file: &str, error: &std::io::Error) -> ReadError {
+    ReadError::Io { file: file.to_string(), detail: error.to_string() }
+}
+
+fn open(path: &Path, file: &str) -> Result<Source, ReadError> {
+    let mut format = Format::of(path).ok_or_else(|| ReadError::UnknownFormat { file: file.to_string() })?;
+    let io = |e: std::io::Error| io_error(file, &e);
+    let mut handle = File::open(path).map_err(io)?;
+    let length = handle.metadata().map_err(io)?.len();
+    let mut start = Vec::new();
+    handle.by_ref().take(mcap::MAGIC.len() as u64).read_to_end(&mut start).map_err(io)?;
+    if start == mcap::MAGIC {
+        format = Format::Mcap;
+    }
+    Ok(Source { reader: std::io::Cursor::new(start).chain(handle), length, format })
+}
+
+/// What no format can carry, found before a byte is written.
+fn check(file: &str, recording: &Recording) -> Result<(), WriteError> {
+    let file = || file.to_string();
+    if recording.is_empty() {
+        return Err(WriteError::NoSamples { file: file() });
+    }
+    let mut before = f64::NEG_INFINITY;
+    for (sample, &t) in recording.time.iter().enumerate() {
+        if !t.is_finite() || t <= before {
+            return Err(WriteError::Time { file: file(), sample, t, before });
+        }
+        before = t;
+    }
+    for (column, values) in &recording.signals {
+        // A name must survive a header line: trimmed on reading, one line, and `t` is the time.
+        if column.is_empty() || column == "t" || column.trim() != column || column.chars().any(char::is_control) {
+            return Err(WriteError::ColumnName { file: file(), column: column.clone() });
+        }
+        if values.len() != recording.len() {
+            let (found, wanted) = (values.len(), recording.len());
+            return Err(WriteError::Length { file: file(), column: column.clone(), found, wanted });
+        }
+        if let Some(sample) = values.iter().position(|v| v.is_infinite()) {
+            return Err(WriteError::NotFinite { file: file(), column: column.clone(), sample });
+        }
+    }
+    Ok(())
+}

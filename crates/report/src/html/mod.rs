@@ -1,0 +1,11 @@
+//! The diagnosis as one HTML file: no network, no script, everything inline.
+
+mod escape;
+mod findings;
+mod joints;
+mod numbers;
+mod page;
+mod tables;
+
+pub(crate) use escape::{esc, num};
+pub use page::html;

@@ -1,0 +1,194 @@
+//! Heat map and tables: what was ruled out, what was too small to see, what stays, what was recorded.
+
+use pkm_diagnose::Verdict;
+use pkm_diagnose::evidence::{Evidence, RegimeCell, Screened};
+use pkm_diagnose::verdict::{Detectable, RecordingUse};
+
+use super::{esc, num};
+use crate::format::{percent, significant};
+use crate::words;
+
+/// Rows of the table of rejected candidates at most; the rest is counted.
+const RULED_OUT_MAX: usize = 60;
+
+/// Names in order of first appearance.
+fn distinct<'a>(names: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
+    names.fold(Vec::new(), |mut seen, name| {
+        if !seen.contains(&name) {
+            seen.push(name);
+        }
+        seen
+    })
+}
+
+/// Error of every joint in every regime, before and after, on one colour scale.
+pub(super) fn regimes(cells: &[RegimeCell]) -> String {
+    if cells.is_empty() {
+        return String::new();
+    }
+    let largest = cells.iter().flat_map(|c| [c.before, c.after]).filter(|v| v.is_finite()).fold(f64::MIN_POSITIVE, f64::max);
+    let before = heat(cells, "model as given", largest, |c| c.before);
+    let after = heat(cells, "with the findings", largest, |c| c.after);
+    format!(
+        concat!(
+            r#"<div class="heats">{}{}</div><p class="soft">rms error over the joint's effort rms. The stronger the colour, the larger; "#,
+            r#"both maps share one scale, 0 to {}. Beside a regime: its share of the samples.</p>"#
+        ),
+        before,
+        after,
+        num(&percent(largest))
+    )
+}
+
+/// One heat map.
+fn heat(cells: &[RegimeCell], caption: &str, largest: f64, value: impl Fn(&RegimeCell) -> f64) -> String {
+    let (joints, regimes) = (distinct(cells.iter().map(|c| c.joint.as_str())), distinct(cells.iter().map(|c| c.regime.as_str())));
+    let mut out = format!(r#"<div class="scroll"><table class="heat"><caption>{caption}</caption><thead><tr><th></th>"#);
+    for joint in &joints {
+        put!(out, r#"<th class="n">{}</th>"#, esc(joint));
+    }
+    out.push_str("</tr></thead><tbody>");
+    for regime in &regimes {
+        let of_regime = || cells.iter().filter(|c| c.regime == *regime);
+        let (sum, n) = of_regime().fold((0.0, 0.0), |(s, n), c| (s + c.share, n + 1.0));
+        put!(out, "<tr><th>{} <small>{}</small></th>", esc(&words::plain(regime)), num(&percent(sum / n)));
+        for joint in &joints {
+            match of_regime().find(|c| c.joint == *joint).map(&value).filter(|v| v.is_finite()) {
+                Some(v) => put!(out, r#"<td style="--v:{:.3}">{}</td>"#, (v / largest).clamp(0.0, 1.0), num(&percent(v))),
+                None => out.push_str(r#"<td class="none">–</td>"#),
+            }
+        }
+        out.push_str("</tr>");
+    }
+    out.push_str("</tbody></table></div>");
+    out
+}
+
+/// Candidates that are no findings, and why.
+pub(super) fn ruled_out(evidence: &Evidence) -> String {
+    if evidence.ruled_out.is_empty() {
+        return String::new();
+    }
+    let [p95, p99] = evidence.null_gain;
+    let mut out = String::new();
+    if evidence.null_runs > 0 {
+        put!(
+            out,
+            concat!(
+                "<p class=\"soft\">The gain is the share of the held-out squared error a candidate would take away. Chance alone, the best of all ",
+                "candidates in each of {} null runs, takes away up to {} (95&nbsp;%) or {} (99&nbsp;%).</p>"
+            ),
+            evidence.null_runs,
+            num(&percent(p95)),
+            num(&percent(p99))
+        );
+    }
+    out.push_str(concat!(
+        r#"<div class="scroll"><table><thead><tr><th>candidate</th><th>where</th><th class="n">gain</th><th class="n">folds won</th>"#,
+        r#"<th>why it is no finding</th></tr></thead><tbody>"#
+    ));
+    for s in evidence.ruled_out.iter().take(RULED_OUT_MAX) {
+        out.push_str(&screened(s));
+    }
+    out.push_str("</tbody></table></div>");
+    if evidence.ruled_out.len() > RULED_OUT_MAX {
+        put!(out, r#"<p class="soft">{} weaker candidates are not listed.</p>"#, evidence.ruled_out.len() - RULED_OUT_MAX);
+    }
+    out
+}
+
+/// One rejected candidate.
+fn screened(s: &Screened) -> String {
+    format!(
+        r#"<tr><th><code>{}</code></th><td>{}</td><td class="n">{}</td><td class="n">{} of {}</td><td class="wide">{}</td></tr>"#,
+        esc(&s.effect),
+        esc(&words::places(&s.place)),
+        num(&percent(s.gain)),
+        s.wins[0],
+        s.wins[1],
+        esc(&s.why_not)
+    )
+}
+
+/// The smallest sizes that would have been seen.
+pub(super) fn detectable(sizes: &[Detectable]) -> String {
+    if sizes.is_empty() {
+        return String::new();
+    }
+    let mut out = concat!(
+        r#"<p class="soft">Smaller effects than these may be there: these recordings could not have shown them.</p><div class="scroll"><table>"#,
+        r#"<thead><tr><th>effect</th><th>where</th><th>parameter</th><th class="n">smallest visible</th><th>unit</th></tr></thead><tbody>"#
+    )
+    .to_owned();
+    for d in sizes {
+        put!(
+            out,
+            r#"<tr><th><code>{}</code></th><td>{}</td><td>{}</td><td class="n">{}</td><td>{}</td></tr>"#,
+            esc(&d.effect),
+            esc(&words::places(&d.place)),
+            esc(&d.parameter),
+            num(&significant(d.value, 2)),
+            esc(&d.unit)
+        );
+    }
+    out.push_str("</tbody></table></div>");
+    out
+}
+
+/// What is left after every finding; empty where no model was judged.
+pub(super) fn unexplained(verdict: &Verdict) -> String {
+    let u = &verdict.unexplained;
+    if !u.present && !words::has_heldout(&verdict.heldout) {
+        return String::new();
+    }
+    let class = if u.present { "callout" } else { "card calm" };
+    let mut out = format!(r#"<div class="{class}"><p><b>{}</b></p><dl>"#, esc(words::left_over(u)));
+    put!(out, "<dt>left</dt><dd>{} of the squared error of the model as given</dd>", num(&percent(u.share_of_residual)));
+    for (label, names) in [("where", &u.place), ("depends on", &u.depends_on)] {
+        if !names.is_empty() {
+            put!(out, "<dt>{label}</dt><dd>{}</dd>", esc(&names.join(", ")));
+        }
+    }
+    out.push_str("</dl></div>");
+    out
+}
+
+/// The recordings and what they were used for.
+pub(super) fn recordings(recordings: &[RecordingUse]) -> String {
+    if recordings.is_empty() {
+        return String::new();
+    }
+    let mut out = concat!(
+        r#"<div class="scroll"><table><thead><tr><th>recording</th><th class="n">samples</th><th class="n">length</th><th>used</th>"#,
+        r#"<th>held-out spans [s]</th></tr></thead><tbody>"#
+    )
+    .to_owned();
+    for r in recordings {
+        let spans: Vec<String> =
+            r.heldout_spans.iter().map(|[a, b]| num(&format!("{} … {}", significant(*a, 3), significant(*b, 3)))).collect();
+        put!(
+            out,
+            r#"<tr><th><code>{}</code></th><td class="n">{}</td><td class="n">{}</td><td>{}</td><td class="wide">{}</td></tr>"#,
+            esc(&r.path),
+            r.samples,
+            num(&format!("{} s", significant(r.duration_s, 3))),
+            words::used(r.used),
+            if spans.is_empty() { "–".to_owned() } else { spans.join(", ") }
+        );
+    }
+    out.push_str("</tbody></table></div>");
+    out
+}
+
+/// What the gate noticed.
+pub(super) fn notes(notes: &[String]) -> String {
+    if notes.is_empty() {
+        return String::new();
+    }
+    let mut out = "<ul>".to_owned();
+    for note in notes {
+        put!(out, "<li>{}</li>", esc(note));
+    }
+    out.push_str("</ul>");
+    out
+}

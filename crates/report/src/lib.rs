@@ -1,0 +1,21 @@
+//! A diagnosis as one self-contained HTML page and as terminal text.
+//!
+//! Both renderings show the same content in the same order: the answer, the held-out numbers, the findings with their proof, what was
+//! ruled out, what could not have been seen. Nothing is computed here that the verdict does not already say, and no file is written.
+
+/// Appends formatted text; writing to a `String` cannot fail.
+macro_rules! put {
+    ($out:expr, $($arg:tt)*) => {{
+        use core::fmt::Write as _;
+        let _ = write!($out, $($arg)*);
+    }};
+}
+
+mod format;
+mod html;
+mod svg;
+mod terminal;
+mod words;
+
+pub use html::html;
+pub use terminal::{Style, terminal};

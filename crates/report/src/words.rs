@@ -1,0 +1,157 @@
+//! The words both renderings share.
+
+use pkm_diagnose::Verdict;
+use pkm_diagnose::verdict::{Heldout, Status, Unexplained, Use};
+
+/// The outcome in a few words.
+pub(crate) fn outcome(verdict: &Verdict) -> String {
+    match (verdict.status, verdict.findings.len()) {
+        (Status::Unusable, _) => "recordings unusable".to_owned(),
+        (Status::NotRepeatable, _) => "mismatch not repeatable".to_owned(),
+        (Status::Ok, 0) if verdict.unexplained.present => "something is missing that has no name here".to_owned(),
+        (Status::Ok, 0) => "nothing missing".to_owned(),
+        (Status::Ok, 1) => "1 finding".to_owned(),
+        (Status::Ok, n) => format!("{n} findings"),
+    }
+}
+
+/// The one-sentence answer, also when the verdict brings none.
+pub(crate) fn answer(verdict: &Verdict) -> &str {
+    match (verdict.status, verdict.says.trim()) {
+        (_, says) if !says.is_empty() => says,
+        (Status::Unusable, _) => "These recordings cannot be used for a diagnosis.",
+        (Status::NotRepeatable, _) => "Model and recordings differ, but the difference does not repeat from period to period.",
+        (Status::Ok, _) if verdict.nothing_missing => "The model as given explains the recordings; nothing is missing.",
+        (Status::Ok, _) if verdict.findings.is_empty() => "No named effect explains what the model lacks.",
+        (Status::Ok, _) => "The model lacks the effects below.",
+    }
+}
+
+/// Places as one list, e.g. `q1, q2`.
+pub(crate) fn places(place: &[String]) -> String {
+    if place.is_empty() { "whole robot".to_owned() } else { place.join(", ") }
+}
+
+/// An effect with its places, e.g. `friction_coulomb at q1, q2`.
+pub(crate) fn at(effect: &str, place: &[String]) -> String {
+    if place.is_empty() { effect.to_owned() } else { format!("{effect} at {}", place.join(", ")) }
+}
+
+/// What a recording was used for.
+pub(crate) const fn used(used: Use) -> &'static str {
+    match used {
+        Use::Train => "fitted on",
+        Use::Holdout => "held out",
+        Use::Both => "fitted on, blocks held out",
+    }
+}
+
+/// Label of a step without its own plus sign: the renderings write it.
+pub(crate) fn added(label: &str) -> &str {
+    label.trim_start_matches(['+', ' '])
+}
+
+/// What is left, in a sentence.
+pub(crate) fn left_over(unexplained: &Unexplained) -> &str {
+    match (unexplained.says.trim(), unexplained.present) {
+        ("", true) => "Something is missing that the library has no name for.",
+        ("", false) => "What is left does not call for another effect.",
+        (says, _) => says,
+    }
+}
+
+/// A name from a file, readable: `low_speed` becomes `low speed`.
+pub(crate) fn plain(name: &str) -> String {
+    name.replace('_', " ")
+}
+
+/// Whether the verdict brings held-out numbers at all; a rejected recording has none.
+pub(crate) fn has_heldout(heldout: &Heldout) -> bool {
+    [heldout.rms_nominal, heldout.rms_refit, heldout.rms_final].iter().any(|x| x.is_finite() && *x > 0.0)
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use pkm_diagnose::evidence::{ChainStep, FindingPlot, JointSeries, RegimeCell, Screened};
+    use pkm_diagnose::verdict::{Detectable, EffectAt, Estimate, Finding, HeldoutJoint, LookAlike, RecordingUse, SCHEMA};
+    use pkm_diagnose::{Diagnosis, Evidence};
+
+    /// A diagnosis with nothing in it.
+    pub(crate) fn empty(status: Status) -> Diagnosis {
+        let verdict = Verdict {
+            schema: SCHEMA.to_owned(),
+            status,
+            robot: "r".to_owned(),
+            recordings: Vec::new(),
+            nothing_missing: status == Status::Ok,
+            heldout: Heldout::default(),
+            findings: Vec::new(),
+            unexplained: Unexplained::default(),
+            minimum_detectable: Vec::new(),
+            refined_model: String::new(),
+            says: String::new(),
+            notes: Vec::new(),
+        };
+        Diagnosis { verdict, evidence: Evidence::default(), refined: None }
+    }
+
+    /// A diagnosis with every list filled, by names that are markup and numbers that are none.
+    pub(crate) fn hostile() -> Diagnosis {
+        let name = || "<script>\"'&\u{1b}".to_owned();
+        let places = || vec![name()];
+        let (nan, inf) = (f64::NAN, f64::INFINITY);
+        let mut d = empty(Status::Ok);
+        let v = &mut d.verdict;
+        (v.robot, v.says, v.refined_model, v.notes, v.nothing_missing) = (name(), name(), name(), places(), false);
+        v.recordings =
+            vec![RecordingUse { path: name(), samples: 3, duration_s: nan, used: Use::Both, heldout_spans: vec![[nan, inf], [0.0, 1.0]] }];
+        v.heldout = Heldout { rms_nominal: 0.4, rms_refit: inf, rms_final: nan, noise_floor: 0.1, band_hz: nan, ..Heldout::default() };
+        v.heldout.joints = vec![HeldoutJoint { joint: name(), unit: name(), rms_tau: nan, ..HeldoutJoint::default() }];
+        v.findings = vec![Finding {
+            rank: 1,
+            effect: name(),
+            place: places(),
+            regime: places(),
+            when: name(),
+            confidence: nan,
+            p_value: nan,
+            parameters: [(name(), Estimate { value: nan, ci95: [nan, inf], unit: name() })].into(),
+            heldout_rms_before: nan,
+            heldout_rms_after: inf,
+            says: name(),
+            equation: name(),
+            look_alikes: vec![LookAlike { effect: name(), place: places(), why_not: name(), separating_experiment: name() }],
+            cannot_tell_from: vec![EffectAt { effect: name(), place: places(), separating_experiment: name() }],
+        }];
+        v.unexplained = Unexplained { present: true, share_of_residual: nan, place: places(), depends_on: places(), says: name() };
+        v.minimum_detectable = vec![Detectable { effect: name(), place: places(), parameter: name(), value: inf, unit: name() }];
+        let e = &mut d.evidence;
+        let joint = JointSeries { joint: name(), unit: name(), recording: name(), time: vec![0.0, 1.0, nan], ..JointSeries::default() };
+        e.joints = vec![JointSeries {
+            measured: vec![1.0, inf, 2.0],
+            nominal: vec![1.0, 2.0],
+            heldout_spans: vec![[nan, 1.0], [0.2, 0.7]],
+            ..joint
+        }];
+        let plot = FindingPlot { rank: 1, x_label: name(), y_label: name(), ..FindingPlot::default() };
+        e.findings = vec![FindingPlot { x: vec![0.0, nan, 2.0], y: vec![1.0, 2.0, inf], model: vec![1.0], is_heldout: vec![true], ..plot }];
+        e.regimes = vec![RegimeCell { joint: name(), regime: name(), share: nan, before: 0.3, after: nan }];
+        e.chain = vec![ChainStep { label: name(), heldout_rms: nan }, ChainStep { label: name(), heldout_rms: 0.1 }];
+        e.ruled_out = vec![Screened { effect: name(), place: places(), gain: nan, wins: [1, 2], why_not: name() }];
+        (e.null_gain, e.null_runs) = ([nan, inf], 199);
+        d
+    }
+
+    #[test]
+    fn every_outcome_has_an_answer() {
+        for status in [Status::Ok, Status::Unusable, Status::NotRepeatable] {
+            let d = empty(status);
+            assert!(!outcome(&d.verdict).is_empty() && answer(&d.verdict).ends_with(['.', ';']));
+        }
+        let mut d = empty(Status::Ok);
+        d.verdict.nothing_missing = false;
+        d.verdict.unexplained.present = true;
+        assert!(outcome(&d.verdict).contains("no name"));
+    }
+}

@@ -1,0 +1,80 @@
+//! Why a simulation cannot start or go on.
+
+use pkm_dyn::effects::EffectError;
+
+/// Why a simulation cannot start or go on.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SimError {
+    /// A number of the scenario that cannot be used.
+    #[error("scenario: {what} = {value} ({limit})")]
+    Scenario {
+        /// Which number.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// What is allowed.
+        limit: &'static str,
+    },
+    /// The true and the nominal robot are not the same mechanism.
+    #[error("true and nominal robot differ in their {what}")]
+    NotTheSameRobot {
+        /// What differs.
+        what: &'static str,
+    },
+    /// The drives do not determine the motion.
+    #[error("robot {robot:?}: {mobility} degrees of freedom at the start, {drives} drives (must be equal and > 0)")]
+    Mobility {
+        /// Its name.
+        robot: String,
+        /// Degrees of freedom.
+        mobility: usize,
+        /// Number of drives.
+        drives: usize,
+    },
+    /// The loops do not close.
+    #[error("loops do not close at t = {time} s: gap {gap:e} in row {row}, rank {rank}")]
+    NotClosed {
+        /// When `[s]`.
+        time: f64,
+        /// Largest gap `[m | rad]`.
+        gap: f64,
+        /// Constraint row of the largest gap (couplings first, then loops).
+        row: usize,
+        /// Rank of the constraints with respect to the passive joints.
+        rank: usize,
+    },
+    /// The mass matrix is not positive definite.
+    #[error("the mass matrix is not positive definite at t = {time} s: a joint moves no mass")]
+    Massless {
+        /// When `[s]`.
+        time: f64,
+    },
+    /// The motion grew beyond all bounds.
+    #[error("the motion diverged at t = {time} s")]
+    Diverged {
+        /// When `[s]`.
+        time: f64,
+    },
+    /// No motion keeps loops closed and limits kept, however small.
+    #[error("no periodic motion about the middle of travel of robot {robot:?} keeps its loops closed and its limits: {reason}")]
+    NoMotion {
+        /// Its name.
+        robot: String,
+        /// What was violated last.
+        reason: String,
+    },
+    /// An effect that this robot cannot have.
+    #[error("effect {effect}: {problem}")]
+    NoPlace {
+        /// The effect.
+        effect: &'static str,
+        /// Why not.
+        problem: &'static str,
+    },
+    /// An effect that is not in the library.
+    #[error(transparent)]
+    Effect(#[from] EffectError),
+    /// A controller that cannot be built for this robot.
+    #[error("controller: {0}")]
+    Controller(#[from] pkm_ctrl::ConfigError),
+}

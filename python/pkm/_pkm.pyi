@@ -1,0 +1,253 @@
+"""The compiled part of the package `pkm`; use `pkm` itself."""
+
+import os
+from collections.abc import Callable, Sequence
+from typing import Any, Final, Literal, TypedDict, final, type_check_only
+
+import numpy
+from numpy.typing import ArrayLike, NDArray
+
+from .evidence import Evidence
+from .verdict import Finding, Verdict
+
+__all__ = [
+    "Recording",
+    "Report",
+    "Robot",
+    "__version__",
+    "diagnose",
+    "effects",
+    "load",
+    "load_shipped",
+    "read",
+    "shipped_names",
+    "simulate",
+    "write",
+]
+
+__version__: Final[str]
+
+@type_check_only
+class AppliedEffect(TypedDict):
+    """An effect of the library at a place; `where` has one name."""
+
+    effect: str
+    where: list[str]
+    parameters: dict[str, float]
+
+@type_check_only
+class Units(TypedDict):
+    """Unit of a parameter by kind of joint."""
+
+    prismatic: str
+    revolute: str
+
+@type_check_only
+class Parameter(TypedDict):
+    """A parameter of an effect; a default of None makes it required."""
+
+    name: str
+    unit: Units
+    lower: float
+    default: float | None
+
+@type_check_only
+class LookAlike(TypedDict):
+    """An effect that looks similar in recordings, and what tells the two apart."""
+
+    effect: str
+    experiment: str
+
+@type_check_only
+class CatalogueEntry(TypedDict):
+    """One effect of the library."""
+
+    name: str
+    sentence: str
+    equation: str
+    place: Literal["joint", "passive joint", "link", "root link"]
+    compensation: str
+    energy: Literal["stores", "dissipates", "neither"]
+    parameters: list[Parameter]
+    look_alikes: list[LookAlike]
+
+@final
+class Robot:
+    """A robot: rigid bodies, joints, loops, drives, and physics beyond rigid bodies. It never changes."""
+
+    @property
+    def name(self) -> str:
+        """Name of the robot."""
+
+    @property
+    def joints(self) -> list[str]:
+        """Names of the joints of the spanning tree, parents first; the order of tree coordinates."""
+
+    @property
+    def actuators(self) -> list[str]:
+        """Names of the driven joints, in the order of `tau`."""
+
+    @property
+    def passive(self) -> list[str]:
+        """Names of the joints that no drive moves."""
+
+    @property
+    def links(self) -> list[str]:
+        """Names of the links, the root included."""
+
+    @property
+    def nv(self) -> int:
+        """Number of tree coordinates, which is the number of bodies."""
+
+    @property
+    def n_act(self) -> int:
+        """Number of drives."""
+
+    @property
+    def mobility(self) -> int:
+        """Degrees of freedom at the assembly pose: tree coordinates less independent constraints."""
+
+    @property
+    def armature(self) -> NDArray[numpy.float64]:
+        """Rotor inertia seen at each joint of the tree [kg | kg·m²], shape (nv,); read-only."""
+
+    @property
+    def effects(self) -> list[AppliedEffect]:
+        """Physics beyond rigid bodies, SI."""
+
+    def assemble(self) -> NDArray[numpy.float64]:
+        """Tree coordinates that close the loops near the stated assembly [m | rad], shape (nv,)."""
+
+    def parameters(self) -> NDArray[numpy.float64]:
+        """Inertial parameters, shape (10 * nv,): mass, mx, my, mz, ixx, ixy, iyy, ixz, iyz, izz of each body [kg, kg·m, kg·m²]."""
+
+    def tree_motion(
+        self, q: ArrayLike, v: ArrayLike, a: ArrayLike
+    ) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64], NDArray[numpy.float64]]:
+        """Motion of all joints, three arrays (n_samples, nv), for a motion of the drives, three arrays (n_samples, n_act)."""
+
+    def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
+        """Effort of the drives [N | N·m], (n_samples, n_act): rigid bodies and rotor inertia. Arguments (n_samples, n_act)."""
+
+    def regressor(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
+        """Regressor of the drives, (n_samples, n_act, 10 * nv). Arguments (n_samples, n_act)."""
+
+    def rnea(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
+        """Efforts of the spanning tree [N | N·m], (n_samples, nv), loops open. Arguments (n_samples, nv)."""
+
+    def joint_torque_regressor(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
+        """Regressor of the spanning tree, (n_samples, nv, 10 * nv). Arguments (n_samples, nv)."""
+
+    def with_effect(self, name: str, where: str, **parameters: float) -> Robot:
+        """The same robot with one more effect of the library at a joint or link; parameters SI."""
+
+@final
+class Recording:
+    """One recording: equally long named signals over one time axis. It never changes; NaN is a missing sample."""
+
+    def __new__(
+        cls, time: ArrayLike, signals: dict[str, ArrayLike], *, name: str = "", meta: dict[str, Any] | None = None
+    ) -> Recording:
+        """From time [s], (n_samples,), strictly increasing, and signals by name (`q.<joint>`, `tau.<joint>`, ...), SI."""
+
+    @property
+    def name(self) -> str:
+        """How the recording is called in a verdict."""
+
+    @property
+    def time(self) -> NDArray[numpy.float64]:
+        """Sample times [s], shape (n_samples,); read-only."""
+
+    @property
+    def signals(self) -> list[str]:
+        """Names of the signals, sorted."""
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+
+    @property
+    def meta(self) -> dict[str, Any]:
+        """What the recording says of itself: tau, load, gravity, session, controller and other texts."""
+
+    def __getitem__(self, name: str, /) -> NDArray[numpy.float64]:
+        """One signal, shape (n_samples,); read-only."""
+
+    def __contains__(self, name: str, /) -> bool: ...
+    def __len__(self) -> int: ...
+
+@final
+class Report:
+    """A finished diagnosis; `print(report)` tells the whole story."""
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict in the layout `pkm.verdict/1`."""
+
+    @property
+    def findings(self) -> list[Finding]:
+        """The findings of the verdict, most important first."""
+
+    @property
+    def evidence(self) -> Evidence:
+        """The numbers behind the pictures."""
+
+    def html(self) -> str:
+        """One self-contained HTML page with every number and picture."""
+
+    def save(self, path_json: str | os.PathLike[str], *, html: str | os.PathLike[str] | None = None) -> None:
+        """Writes the verdict as JSON, the refined robot beside it (`OUT.robot.toml`, `OUT.urdf`), and the page to `html`."""
+
+    def refined(self, urdf_name: str) -> tuple[str, str]:
+        """The refined robot as the texts of its robot.toml, which names `urdf_name`, and of that URDF."""
+
+    def refined_robot(self) -> Robot:
+        """The refined robot itself, with every finding in it."""
+
+    def _repr_html_(self) -> str: ...
+
+def load(path: str | os.PathLike[str]) -> Robot:
+    """Reads the robot.toml at `path` and the URDF it names."""
+
+def effects() -> list[CatalogueEntry]:
+    """The effects of the library, in the order in which equal explanations are preferred."""
+
+def shipped_names() -> list[str]:
+    """Names of the shipped robots."""
+
+def load_shipped(name: str) -> Robot:
+    """The shipped robot of that name."""
+
+def read(path: str | os.PathLike[str], *, topic: str | None = None, recover: bool = False) -> Recording:
+    """Reads a recording from a `.csv` or `.mcap` file."""
+
+def write(path: str | os.PathLike[str], recording: Recording) -> None:
+    """Writes a recording as `.csv` or `.mcap`; the file appears complete or not at all."""
+
+def simulate(
+    truth: Robot,
+    nominal: Robot,
+    *,
+    seed: int | None = None,
+    duration_s: float | None = None,
+    rate_hz: float | None = None,
+    period_s: float | None = None,
+    amplitude: float | None = None,
+    encoder_resolution: float | None = None,
+    encoder_noise: float | None = None,
+    effort_noise: float | None = None,
+    name: str | None = None,
+) -> Recording:
+    """Moves `truth` under a controller that knows only `nominal` and returns what a recorder would have written."""
+
+def diagnose(
+    robot: Robot,
+    recordings: Recording | Sequence[Recording],
+    *,
+    holdout: Recording | Sequence[Recording] | None = None,
+    band_hz: float | None = None,
+    floor: float | None = None,
+    seed: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Report:
+    """Compares recordings with the robot's model: where they differ, which physics is missing, how much, how much better it fits."""

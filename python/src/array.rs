@@ -1,0 +1,115 @@
+//! numpy arrays in and out. Inputs are copied once, so that the interpreter is free while Rust computes; outputs are moved.
+
+use numpy::ndarray::{Array1, Array2, Array3};
+use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayLikeDyn, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+use crate::error;
+
+/// Whatever `numpy.asarray(x, dtype=float)` accepts.
+pub(crate) type ArrayLike<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
+
+/// Samples of a vector: `n_samples × n`, row by row.
+pub(crate) struct Samples {
+    values: Vec<f64>,
+    /// Length of each vector.
+    n: usize,
+    /// Number of samples.
+    len: usize,
+}
+
+impl Samples {
+    /// Checks the shape against `(n_samples, n)` and that every number is finite; `name` and `columns` are for the message.
+    fn try_new(name: &str, array: &ArrayLike<'_>, n: usize, columns: &str) -> PyResult<Self> {
+        let shape = array.shape();
+        let [len, found] = *shape else { return Err(bad_shape(name, shape, n, columns)) };
+        if found != n {
+            return Err(bad_shape(name, shape, n, columns));
+        }
+        let values: Vec<f64> = array.as_array().iter().copied().collect();
+        if let Some(at) = values.iter().position(|x| !x.is_finite()) {
+            return Err(error::value(format!("{name}[{}, {}] = {} (must be finite)", at / n, at % n, values[at])));
+        }
+        Ok(Self { values, n, len })
+    }
+
+    /// Sample `i`.
+    pub(crate) fn row(&self, i: usize) -> &[f64] {
+        &self.values[i * self.n..(i + 1) * self.n]
+    }
+}
+
+fn bad_shape(name: &str, shape: &[usize], n: usize, columns: &str) -> PyErr {
+    error::value(format!("{name} has shape {}, must be (n_samples, {n}): one column per {columns}", as_tuple(shape)))
+}
+
+/// A shape as Python writes it.
+fn as_tuple(shape: &[usize]) -> String {
+    let axes: Vec<String> = shape.iter().map(ToString::to_string).collect();
+    if axes.len() == 1 { format!("({},)", axes[0]) } else { format!("({})", axes.join(", ")) }
+}
+
+/// Positions, velocities and accelerations of equally many samples.
+pub(crate) struct Motion {
+    /// Positions `[m | rad]`.
+    pub(crate) q: Samples,
+    /// Velocities `[m/s | rad/s]`.
+    pub(crate) v: Samples,
+    /// Accelerations `[m/s² | rad/s²]`.
+    pub(crate) a: Samples,
+}
+
+impl Motion {
+    /// From three arrays of shape `(n_samples, n)`.
+    pub(crate) fn try_new(arrays: [&ArrayLike<'_>; 3], n: usize, columns: &str) -> PyResult<Self> {
+        let [q, v, a] = arrays;
+        let motion = Self {
+            q: Samples::try_new("q", q, n, columns)?,
+            v: Samples::try_new("v", v, n, columns)?,
+            a: Samples::try_new("a", a, n, columns)?,
+        };
+        for (name, len) in [("v", motion.v.len), ("a", motion.a.len)] {
+            if len != motion.len() {
+                return Err(error::value(format!("{name} has {len} samples, q has {}", motion.len())));
+            }
+        }
+        Ok(motion)
+    }
+
+    /// Number of samples.
+    pub(crate) fn len(&self) -> usize {
+        self.q.len
+    }
+}
+
+/// A vector from Python; `wanted` is its length where that is fixed by another.
+pub(crate) fn vector(name: &str, array: &ArrayLike<'_>, wanted: Option<usize>) -> PyResult<Vec<f64>> {
+    let shape = array.shape();
+    let fits = shape.len() == 1 && wanted.is_none_or(|n| n == shape[0]);
+    if !fits {
+        let wanted = wanted.map_or("n_samples".to_string(), |n| n.to_string());
+        return Err(error::value(format!("{name} has shape {}, must be ({wanted},)", as_tuple(shape))));
+    }
+    Ok(array.as_array().iter().copied().collect())
+}
+
+fn bad_length<E: core::fmt::Display>(e: E) -> PyErr {
+    error::value(e.to_string())
+}
+
+/// A vector that Python may read but not write: it is a copy, and writing to it would change nothing.
+pub(crate) fn read_only<'py>(py: Python<'py>, values: &[f64]) -> Bound<'py, PyArray1<f64>> {
+    let array = Array1::from(values.to_vec()).into_pyarray(py);
+    drop(array.readwrite().make_nonwriteable());
+    array
+}
+
+/// Row by row as an array of two axes.
+pub(crate) fn matrix(py: Python<'_>, values: Vec<f64>, shape: [usize; 2]) -> PyResult<Bound<'_, PyArray2<f64>>> {
+    Ok(Array2::from_shape_vec((shape[0], shape[1]), values).map_err(bad_length)?.into_pyarray(py))
+}
+
+/// Matrix after matrix, each row by row, as an array of three axes.
+pub(crate) fn matrices(py: Python<'_>, values: Vec<f64>, shape: [usize; 3]) -> PyResult<Bound<'_, PyArray3<f64>>> {
+    Ok(Array3::from_shape_vec((shape[0], shape[1], shape[2]), values).map_err(bad_length)?.into_pyarray(py))
+}

@@ -1,0 +1,38 @@
+//! The Python wheel: names, types and exceptions of Python around the crates of the workspace.
+//!
+//! Every function here converts, calls, converts; nothing is computed in this crate. The interpreter is released while Rust works.
+//! Signatures and documentation for Python's tools are in `pkm/_pkm.pyi`.
+
+extern crate alloc;
+
+mod array;
+mod diagnosis;
+mod dynamics;
+mod error;
+mod evidence;
+mod motion;
+mod recording;
+mod robots;
+mod simulation;
+
+use pyo3::prelude::*;
+
+/// The compiled part of the package `pkm`; use `pkm` itself.
+#[pymodule]
+mod _pkm {
+    #[pymodule_export]
+    use super::diagnosis::{Report, diagnose};
+    #[pymodule_export]
+    use super::dynamics::{Robot, effects, load};
+    #[pymodule_export]
+    use super::recording::{Recording, read, write};
+    #[pymodule_export]
+    use super::robots::{load_shipped, shipped_names};
+    #[pymodule_export]
+    use super::simulation::simulate;
+
+    /// Version of the package.
+    #[expect(non_upper_case_globals, reason = "the name every Python package uses")]
+    #[pymodule_export]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
+}

@@ -1,0 +1,117 @@
+//! The algorithms of `pkm-dyn` sample by sample.
+
+use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, rigid_effort};
+use pkm_dyn::loops::{Closure, assemble, walk_to};
+use pkm_dyn::{Data, Model, regressor, rnea};
+use pyo3::PyErr;
+
+use crate::array::Motion;
+use crate::error;
+
+/// A drive that moves farther than this between two samples `[m | rad]` is walked there in small parts: over a long way one Newton
+/// jump can land on another assembly of the same loops.
+const FAR: f64 = 0.05;
+
+/// Loops that do not close, and at which sample.
+pub(crate) struct Open {
+    sample: Option<usize>,
+    passive: usize,
+    closure: Closure,
+}
+
+impl From<Open> for PyErr {
+    fn from(open: Open) -> Self {
+        let Closure { gap, row, rank, iterations, .. } = open.closure;
+        let at = open.sample.map_or("assembly".to_string(), |i| format!("sample {i}"));
+        error::value(if rank < open.passive {
+            format!("{at}: the drives determine {rank} of {} passive joints here (all are needed; loops {gap:.3e} open)", open.passive)
+        } else {
+            format!("{at}: loops stay {gap:.3e} m or rad open in constraint row {row} after {iterations} iterations (limit 1e-9)")
+        })
+    }
+}
+
+fn checked(model: &Model, closure: Closure, sample: Option<usize>) -> Result<(), Open> {
+    if closure.is_closed { Ok(()) } else { Err(Open { sample, passive: model.nv() - model.n_act(), closure }) }
+}
+
+/// Tree coordinates near the stated assembly with every loop closed.
+pub(crate) fn assembled(model: &Model) -> Result<Data, Open> {
+    let mut data = Data::new(model);
+    let closure = assemble(model, &mut data);
+    checked(model, closure, None)?;
+    Ok(data)
+}
+
+/// Calls `each` after the tree motion of every sample is in the data.
+fn along(model: &Model, motion: &Motion, mut each: impl FnMut(&mut Data)) -> Result<(), Open> {
+    let mut data = assembled(model)?;
+    for i in 0..motion.len() {
+        let q = motion.q.row(i);
+        let is_far = model.actuators.iter().zip(q).any(|(&j, q)| (q - data.q[j]).abs() > FAR);
+        if is_far {
+            let closure = walk_to(model, &mut data, q);
+            checked(model, closure, Some(i))?;
+        }
+        let closure = closed_loop_motion(model, &mut data, q, motion.v.row(i), motion.a.row(i));
+        checked(model, closure, Some(i))?;
+        each(&mut data);
+    }
+    Ok(())
+}
+
+/// Efforts of the drives, `n_samples × drives`.
+pub(crate) fn inverse_dynamics(model: &Model, motion: &Motion) -> Result<Vec<f64>, Open> {
+    let mut out = Vec::with_capacity(motion.len() * model.n_act());
+    along(model, motion, |data| {
+        rigid_effort(model, data);
+        out.extend_from_slice(&data.tau_act);
+    })?;
+    Ok(out)
+}
+
+/// Regressors of the drives, `n_samples × drives × 10·bodies`.
+pub(crate) fn actuated_regressors(model: &Model, motion: &Motion) -> Result<Vec<f64>, Open> {
+    let mut out = Vec::with_capacity(motion.len() * model.n_act() * 10 * model.nv());
+    along(model, motion, |data| push_rows(&mut out, actuated_regressor(model, data)))?;
+    Ok(out)
+}
+
+/// Positions, velocities and accelerations of the tree, `n_samples × nv` each.
+pub(crate) fn tree_motion(model: &Model, motion: &Motion) -> Result<[Vec<f64>; 3], Open> {
+    let mut out = [Vec::new(), Vec::new(), Vec::new()];
+    along(model, motion, |data| {
+        for (all, one) in out.iter_mut().zip([&data.q, &data.v, &data.a]) {
+            all.extend_from_slice(one);
+        }
+    })?;
+    Ok(out)
+}
+
+/// Efforts of the spanning tree, `n_samples × nv`.
+pub(crate) fn tree_efforts(model: &Model, motion: &Motion) -> Vec<f64> {
+    let mut data = Data::new(model);
+    let mut out = Vec::with_capacity(motion.len() * model.nv());
+    for i in 0..motion.len() {
+        out.extend_from_slice(rnea::rnea(model, &mut data, motion.q.row(i), motion.v.row(i), motion.a.row(i)));
+    }
+    out
+}
+
+/// Regressors of the spanning tree, `n_samples × nv × 10·bodies`.
+pub(crate) fn tree_regressors(model: &Model, motion: &Motion) -> Vec<f64> {
+    let mut data = Data::new(model);
+    let mut out = Vec::with_capacity(motion.len() * model.nv() * 10 * model.nv());
+    for i in 0..motion.len() {
+        let (q, v, a) = (motion.q.row(i), motion.v.row(i), motion.a.row(i));
+        push_rows(&mut out, regressor::joint_torque_regressor(model, &mut data, q, v, a));
+    }
+    out
+}
+
+/// numpy wants rows, nalgebra keeps columns.
+fn push_rows(out: &mut Vec<f64>, matrix: &nalgebra::DMatrix<f64>) {
+    for i in 0..matrix.nrows() {
+        out.extend(matrix.row(i).iter());
+    }
+}

@@ -1,0 +1,201 @@
+//! Recordings: named signals over one time axis, from files and from arrays.
+
+use alloc::collections::BTreeMap;
+use std::path::PathBuf;
+
+use numpy::PyArray1;
+use pkm_ident::{EffortKind, KnownLoad, Meta, Recording as Signals};
+use pkm_record::{Attachments, ReadOptions};
+use pyo3::exceptions::PyKeyError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::array::{ArrayLike, read_only, vector};
+use crate::error;
+
+/// One recording: equally long named signals over one time axis. It never changes.
+///
+/// Signals are named as the columns of a CSV recording: `q.<joint>` `[m | rad]`, `tau.<joint>` `[N | N·m]`, `dq.<joint>`, ... NaN is a
+/// missing sample.
+#[pyclass(frozen, module = "pkm")]
+pub(crate) struct Recording {
+    signals: Signals,
+}
+
+impl Recording {
+    pub(crate) fn new(signals: Signals) -> Self {
+        Self { signals }
+    }
+
+    pub(crate) fn signals(&self) -> &Signals {
+        &self.signals
+    }
+}
+
+#[pymethods]
+impl Recording {
+    /// From arrays: time `[s]` of shape `(n_samples,)`, strictly increasing, and a dict of signals of the same length.
+    ///
+    /// `meta` may hold `tau` ("measured" or "commanded"), `load` (dict of link, mass `[kg]`, xyz `[m]`), `gravity` (3 numbers `[m/s²]`),
+    /// `session`, `controller` and further texts.
+    #[new]
+    #[pyo3(signature = (time, signals, *, name = "", meta = None))]
+    fn from_arrays(
+        time: ArrayLike<'_>,
+        signals: BTreeMap<String, ArrayLike<'_>>,
+        name: &str,
+        meta: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let time = vector("time", &time, None)?;
+        let mut before = f64::NEG_INFINITY;
+        for (i, &t) in time.iter().enumerate() {
+            if !t.is_finite() || t <= before {
+                return Err(error::value(format!("time[{i}] = {t} s (must be finite and increase; before it: {before} s)")));
+            }
+            before = t;
+        }
+        let mut out = Signals { name: name.to_string(), time, ..Signals::default() };
+        for (column, values) in signals {
+            let values = vector(&format!("signal {column:?}"), &values, Some(out.len()))?;
+            if let Some(i) = values.iter().position(|x| x.is_infinite()) {
+                return Err(error::value(format!("signal {column:?}: sample {i} is infinite (a missing sample is NaN)")));
+            }
+            out.signals.insert(column, values);
+        }
+        if let Some(meta) = meta {
+            out.meta = meta_from(meta)?;
+        }
+        Ok(Self::new(out))
+    }
+
+    /// How the recording is called in a verdict: the path it was read from, or what the caller chose.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.signals.name
+    }
+
+    /// Sample times `[s]`, shape `(n_samples,)`; read-only.
+    #[getter]
+    fn time<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        read_only(py, &self.signals.time)
+    }
+
+    /// Names of the signals, sorted.
+    #[getter(signals)]
+    fn signal_names(&self) -> Vec<&str> {
+        self.signals.signals.keys().map(String::as_str).collect()
+    }
+
+    /// Time from the first to the last sample `[s]`.
+    #[getter]
+    fn duration(&self) -> f64 {
+        self.signals.duration()
+    }
+
+    /// What the recording says of itself, as a dict; empty where it says nothing.
+    #[getter]
+    fn meta<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        meta_as_dict(py, &self.signals.meta)
+    }
+
+    /// One signal, shape `(n_samples,)`; read-only. `KeyError` names what there is.
+    fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let known = || self.signal_names().join(", ");
+        let signal =
+            self.signals.signal(name).ok_or_else(|| PyKeyError::new_err(format!("no signal {name:?} (there are: {})", known())))?;
+        Ok(read_only(py, signal))
+    }
+
+    fn __contains__(&self, name: &str) -> bool {
+        self.signals.signal(name).is_some()
+    }
+
+    /// Number of samples.
+    fn __len__(&self) -> usize {
+        self.signals.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let s = &self.signals;
+        format!("<Recording {:?}: {} samples, {:.3} s, {} signals>", s.name, s.len(), s.duration(), s.signals.len())
+    }
+}
+
+fn meta_as_dict<'py>(py: Python<'py>, meta: &Meta) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    for (key, text) in &meta.other {
+        out.set_item(key, text)?;
+    }
+    let tau = meta.tau.map(|kind| match kind {
+        EffortKind::Measured => "measured",
+        EffortKind::Commanded => "commanded",
+    });
+    for (key, text) in [("tau", tau), ("session", meta.session.as_deref()), ("controller", meta.controller.as_deref())] {
+        if let Some(text) = text {
+            out.set_item(key, text)?;
+        }
+    }
+    if let Some(gravity) = meta.gravity {
+        out.set_item("gravity", gravity)?;
+    }
+    if let Some(load) = &meta.load {
+        let one = PyDict::new(py);
+        one.set_item("link", &load.link)?;
+        one.set_item("mass", load.mass)?;
+        one.set_item("xyz", load.xyz)?;
+        out.set_item("load", one)?;
+    }
+    Ok(out)
+}
+
+fn meta_from(dict: &Bound<'_, PyDict>) -> PyResult<Meta> {
+    let mut meta = Meta::default();
+    for (key, value) in dict {
+        let key: String = key.extract()?;
+        let bad = |wanted: &str| error::value(format!("meta[{key:?}] = {value} (must be {wanted})"));
+        let text = || value.extract::<String>().map_err(|_| bad("text"));
+        match key.as_str() {
+            "tau" => {
+                meta.tau = Some(match text()?.as_str() {
+                    "measured" => EffortKind::Measured,
+                    "commanded" => EffortKind::Commanded,
+                    _ => return Err(bad("\"measured\" or \"commanded\"")),
+                });
+            }
+            "gravity" => meta.gravity = Some(value.extract().map_err(|_| bad("three numbers"))?),
+            "load" => meta.load = Some(load_from(&value).ok_or_else(|| bad("a dict of link, mass and xyz"))?),
+            "session" => meta.session = Some(text()?),
+            "controller" => meta.controller = Some(text()?),
+            _ => {
+                meta.other.insert(key.clone(), text()?);
+            }
+        }
+    }
+    Ok(meta)
+}
+
+fn load_from(value: &Bound<'_, PyAny>) -> Option<KnownLoad> {
+    let dict = value.cast::<PyDict>().ok()?;
+    let get = |key: &str| dict.get_item(key).ok().flatten();
+    let xyz = get("xyz").map_or(Some([0.0; 3]), |xyz| xyz.extract().ok())?;
+    Some(KnownLoad { link: get("link")?.extract().ok()?, mass: get("mass")?.extract().ok()?, xyz })
+}
+
+/// Reads a recording from a `.csv` or `.mcap` file.
+///
+/// `topic` chooses the joint states of an MCAP file that has several; with `recover`, what is complete of a damaged file is returned.
+/// `OSError` for a file that cannot be read, `ValueError` for what is in it; one line that names the place.
+#[pyfunction]
+#[pyo3(signature = (path, *, topic = None, recover = false))]
+pub(crate) fn read(py: Python<'_>, path: PathBuf, topic: Option<String>, recover: bool) -> PyResult<Recording> {
+    let options = ReadOptions { topic, recover };
+    let signals = py.detach(|| pkm_record::read(&path, &options)).map_err(|e| error::read(&e))?;
+    Ok(Recording::new(signals))
+}
+
+/// Writes a recording as `.csv` or `.mcap`; the file appears complete or not at all.
+#[pyfunction]
+pub(crate) fn write(py: Python<'_>, path: PathBuf, recording: &Bound<'_, Recording>) -> PyResult<()> {
+    let signals = recording.get().signals();
+    py.detach(|| pkm_record::write(&path, signals, &Attachments::default())).map_err(|e| error::write(&e))
+}

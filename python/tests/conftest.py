@@ -1,0 +1,29 @@
+"""What several tests need: robots, motions inside their travel, one diagnosis."""
+
+import pkm
+import pytest
+from motions import driven, motion_about
+
+
+@pytest.fixture(params=pkm.robots.names())
+def robot(request):
+    """Every shipped robot."""
+    return pkm.robots.load(request.param)
+
+
+@pytest.fixture
+def drives_motion(robot):
+    """Motion of the drives about the assembly."""
+    return motion_about(robot.assemble()[driven(robot)])
+
+
+@pytest.fixture(scope="session")
+def hidden():
+    """A 3-PRS with friction at q1 that its model does not know, and its diagnosis: robot, recording, report, shares of progress."""
+    robot = pkm.robots.load("prs3")
+    truth = robot.with_effect("friction_coulomb", "q1", coulomb=90.0)
+    recording = pkm.simulate(truth, robot, seed=3, duration_s=10.0, name="first")
+    other = pkm.simulate(truth, robot, seed=4, duration_s=10.0, name="second")
+    shares = []
+    report = pkm.diagnose(robot, [recording], holdout=[other], progress=shares.append)
+    return robot, recording, report, shares

@@ -1,0 +1,56 @@
+"""Serial arms against the wheel `pin`, element by element."""
+
+from pathlib import Path
+
+import numpy as np
+import pkm
+import pytest
+from motions import motion_about
+
+pin = pytest.importorskip("pinocchio", reason="the package pin is not installed")
+
+
+@pytest.fixture
+def crooked(tmp_path):
+    """Folder with an arm of three links whose centres of mass and inertias are nowhere on an axis."""
+    links = "".join(
+        f"""<link name="l{i}"><inertial><origin xyz="0.1 {0.05 * i} -0.2" rpy="0.3 -0.2 {i}"/><mass value="{1.5 + i}"/>
+        <inertia ixx="0.03" ixy="0.002" ixz="-0.001" iyy="0.04" iyz="0.003" izz="0.05"/></inertial></link>"""
+        for i in range(3)
+    )
+    kinds = ["revolute", "prismatic", "revolute"]
+    joints = "".join(
+        f"""<joint name="j{i}" type="{kind}"><parent link="{"base" if i == 0 else f"l{i - 1}"}"/><child link="l{i}"/>
+        <origin xyz="0.2 0.1 {0.3 * i}" rpy="0.4 {0.5 * i} -0.2"/><axis xyz="{i} 1 0.5"/>
+        <limit lower="-1" upper="1" velocity="2" effort="50"/></joint>"""
+        for i, kind in enumerate(kinds)
+    )
+    (tmp_path / "arm.urdf").write_text(f'<robot name="arm"><link name="base"/>{links}{joints}</robot>')
+    actuators = "".join(f'[[actuator]]\njoint = "j{i}"\n' for i in range(3))
+    (tmp_path / "arm.robot.toml").write_text(f'name = "arm"\nurdf = "arm.urdf"\n{actuators}')
+    return tmp_path
+
+
+def compare(robot, urdf):
+    model = pin.buildModelFromUrdf(str(urdf))
+    assert list(model.names)[1:] == robot.joints
+    data = model.createData()
+    q, v, a = motion_about(np.zeros(model.nv), amplitude=0.5)
+    tau, regressor = robot.inverse_dynamics(q, v, a), robot.joint_torque_regressor(q, v, a)
+    for i in range(len(q)):
+        np.testing.assert_allclose(tau[i] - robot.armature * a[i], pin.rnea(model, data, q[i], v[i], a[i]), rtol=1e-10, atol=1e-10)
+        expected = pin.computeJointTorqueRegressor(model, data, q[i], v[i], a[i])
+        np.testing.assert_allclose(regressor[i], expected, rtol=1e-10, atol=1e-10)
+    ours = robot.parameters().reshape(-1, 10)
+    theirs = [inertia.toDynamicParameters() for inertia in list(model.inertias)[1:]]
+    np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-12)
+
+
+def test_a_crooked_arm(crooked):
+    compare(pkm.load(crooked / "arm.robot.toml"), crooked / "arm.urdf")
+
+
+def test_the_shipped_arm():
+    # The sources of the shipped robots lie beside this folder; the wheel carries them inside.
+    urdf = Path(__file__).parents[2] / "robots" / "serial_arm" / "serial_arm.urdf"
+    compare(pkm.robots.load("serial_arm"), urdf)

@@ -1,0 +1,106 @@
+"""What the tool is for, from Python: hidden friction is found, proven, and the report says so in every form."""
+
+import json
+
+import numpy as np
+import pkm
+import pytest
+
+
+def test_hidden_friction_is_found(hidden):
+    _, recording, report, _ = hidden
+    verdict = report.verdict
+    assert verdict["schema"] == "pkm.verdict/1"
+    assert verdict["status"] == "ok" and not verdict["nothing_missing"]
+    first = report.findings[0]
+    assert (first["effect"], first["where"]) == ("friction_coulomb", ["q1"])
+    # 26 N stand in the URDF: the finding states the whole of the joint's dry friction.
+    assert first["parameters"]["coulomb"]["value"] == pytest.approx(26.0 + 90.0, rel=0.05)
+    assert verdict["heldout"]["rms_final"] < 0.5 * verdict["heldout"]["rms_nominal"]
+    assert verdict["recordings"][0]["path"] == recording.name
+
+
+def test_a_report_reads_as_text(hidden):
+    _, _, report, _ = hidden
+    text = str(report)
+    assert "prs3" in text and "q1" in text and "\x1b" not in text
+    assert len(text.splitlines()) > 10
+    assert "friction_coulomb at q1" in repr(report) and "\n" not in repr(report)
+
+
+def test_a_report_is_a_page(hidden):
+    _, _, report, _ = hidden
+    page = report.html()
+    assert page.startswith("<!DOCTYPE html>") and "<svg" in page
+    frame = report._repr_html_()
+    assert frame.startswith("<iframe srcdoc=") and frame.count('"') == 4
+
+
+def test_a_saved_report_is_a_verdict_beside_a_robot(hidden, tmp_path):
+    _, _, report, _ = hidden
+    report.save(tmp_path / "out.json", html=tmp_path / "out.html")
+    saved = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+    assert saved.pop("refined_model") == "out.robot.toml"
+    verdict = report.verdict
+    verdict.pop("refined_model")
+    assert saved == verdict
+    refined = pkm.load(tmp_path / "out.robot.toml")
+    assert refined.joints == report.refined_robot().joints
+    assert "<svg" in (tmp_path / "out.html").read_text(encoding="utf-8")
+    with pytest.raises(OSError):
+        report.save(tmp_path / "no" / "out.json")
+
+
+def test_the_refined_robot_explains_the_recording(hidden):
+    robot, recording, report, _ = hidden
+    toml, urdf = report.refined("mine.urdf")
+    assert 'urdf = "mine.urdf"' in toml and urdf.lstrip().startswith("<")
+    again = pkm.diagnose(report.refined_robot(), recording).verdict
+    before = pkm.diagnose(robot, recording).verdict
+    assert again["heldout"]["rms_nominal"] < 0.5 * before["heldout"]["rms_nominal"]
+
+
+def test_evidence_is_arrays(hidden):
+    robot, _, report, _ = hidden
+    evidence = report.evidence
+    assert {s["joint"] for s in evidence["joints"]} == set(robot.actuators)
+    for series in evidence["joints"]:
+        assert series["measured"].shape == series["nominal"].shape == series["refined"].shape == series["time"].shape
+        assert series["heldout_spans"].ndim == 2 and series["heldout_spans"].shape[1] == 2
+    for finding in evidence["findings"]:
+        assert finding["x"].shape == finding["y"].shape == finding["model"].shape == finding["is_heldout"].shape
+        assert finding["is_heldout"].dtype == np.bool_
+    steps = [step["heldout_rms"] for step in evidence["chain"]]
+    assert steps[0] > steps[-1]
+
+
+def test_progress_is_told(hidden):
+    _, _, _, shares = hidden
+    assert shares[-1] == 1.0
+    assert all(0.0 <= x <= 1.0 for x in shares)
+
+
+def test_what_progress_raises_comes_back(hidden):
+    robot, recording, _, _ = hidden
+
+    def interrupt(_share):
+        raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        pkm.diagnose(robot, recording, progress=interrupt)
+
+
+def test_pictures(hidden, tmp_path):
+    matplotlib = pytest.importorskip("matplotlib", reason="the package matplotlib is not installed")
+    matplotlib.use("Agg")
+    robot, _, report, _ = hidden
+    drawn = [pkm.plot.joint(report, name) for name in robot.actuators]
+    drawn += [pkm.plot.finding(report, f["rank"]) for f in report.evidence["findings"]]
+    drawn.append(pkm.plot.chain(report))
+    for i, ax in enumerate(drawn):
+        assert ax.has_data() and ax.get_xlabel()
+        ax.figure.savefig(tmp_path / f"{i}.png")
+    with pytest.raises(ValueError, match="no joint 'q99'"):
+        pkm.plot.joint(report, "q99")
+    with pytest.raises(ValueError, match="rank 99"):
+        pkm.plot.finding(report, 99)

@@ -1,0 +1,133 @@
+"""Identities of mechanics through numpy, on every shipped robot."""
+
+import threading
+import time
+
+import numpy as np
+import pkm
+import pytest
+from motions import driven, motion_about
+
+
+def test_regressor_times_parameters_is_inverse_dynamics(robot, drives_motion):
+    q, v, a = drives_motion
+    regressor = robot.regressor(q, v, a)
+    assert regressor.shape == (len(q), robot.n_act, 10 * robot.nv)
+    assert regressor.flags.c_contiguous
+    tau = regressor @ robot.parameters() + robot.armature[driven(robot)] * a
+    np.testing.assert_allclose(robot.inverse_dynamics(q, v, a), tau, rtol=1e-10, atol=1e-9)
+
+
+def test_tree_regressor_times_parameters_is_rnea(robot):
+    q, v, a = motion_about(robot.assemble())
+    tau = robot.joint_torque_regressor(q, v, a) @ robot.parameters() + robot.armature * a
+    np.testing.assert_allclose(robot.rnea(q, v, a), tau, rtol=1e-10, atol=1e-9)
+
+
+def test_power_of_the_drives_is_power_of_the_tree(robot, drives_motion):
+    q, v, a = drives_motion
+    q_tree, v_tree, a_tree = robot.tree_motion(q, v, a)
+    of_drives = np.sum(robot.inverse_dynamics(q, v, a) * v, axis=1)
+    of_tree = np.sum(robot.rnea(q_tree, v_tree, a_tree) * v_tree, axis=1)
+    np.testing.assert_allclose(of_drives, of_tree, rtol=1e-9, atol=1e-9)
+
+
+def test_tree_motion_is_a_motion_of_the_drives(robot):
+    q, v, a = motion_about(robot.assemble()[driven(robot)], n_samples=4001)
+    q_tree, v_tree, a_tree = robot.tree_motion(q, v, a)
+    for tree, drives in [(q_tree, q), (v_tree, v), (a_tree, a)]:
+        assert tree.shape == (len(q), robot.nv)
+        np.testing.assert_array_equal(tree[:, driven(robot)], drives)
+    # Passive joints as well: velocities are derivatives of positions only if the loops stay closed on one branch.
+    step = 2.0 / (len(q) - 1)
+    for value, slope in [(q_tree, v_tree), (v_tree, a_tree)]:
+        inside = slope[1:-1]
+        error = np.abs((value[2:] - value[:-2]) / (2.0 * step) - inside).max()
+        assert error < 1e-4 * (1.0 + np.abs(inside).max())
+
+
+def five_bar_tips(q):
+    """Ends of the two arms of the shipped five-bar [m] in its plane, from the numbers of its URDF and nothing of the library."""
+    tips = []
+    arms = [(-0.15, 2.007128639793479, -1.255300645817396), (0.15, 1.134464013796314, 1.255300645817396)]
+    for k, (base, shoulder, elbow) in enumerate(arms):
+        first = shoulder + q[:, 2 * k]
+        second = first + elbow + q[:, 2 * k + 1]
+        tips.append(base + 0.25 * np.exp(1j * first) + 0.35 * np.exp(1j * second))
+    return tips
+
+
+def test_loops_close():
+    robot = pkm.robots.load("five_bar")
+    assert robot.joints == ["shoulder_left", "elbow_left", "shoulder_right", "elbow_right"]
+    q, _, _ = robot.tree_motion(*motion_about(robot.assemble()[driven(robot)], amplitude=0.3))
+    left, right = five_bar_tips(q)
+    assert np.ptp(left.real) > 0.05
+    np.testing.assert_allclose(left, right, atol=1e-9)
+
+
+def test_a_long_way_between_samples_stays_on_the_branch():
+    robot = pkm.robots.load("prs3")
+    start = robot.assemble()[driven(robot)]
+    way = start + np.linspace(0.0, 0.1, 201)[:, None] * np.array([1.0, 0.2, -0.4])
+    zero = np.zeros_like(way)
+    step_by_step, _, _ = robot.tree_motion(way, zero, zero)
+    jump, _, _ = robot.tree_motion(way[[0, -1]], zero[:2], zero[:2])
+    np.testing.assert_allclose(jump[-1], step_by_step[-1], atol=1e-9)
+
+
+def test_names_and_numbers_of_a_robot(robot):
+    assert robot.nv == len(robot.joints)
+    assert robot.n_act == len(robot.actuators) == robot.mobility
+    assert sorted(robot.actuators + robot.passive) == sorted(robot.joints)
+    assert len(set(robot.links)) == len(robot.links) > robot.n_act
+    assert robot.parameters().shape == (10 * robot.nv,)
+    assert robot.armature.shape == (robot.nv,)
+    assert robot.name in repr(robot)
+
+
+def test_numbers_of_other_types_are_accepted():
+    robot = pkm.robots.load("serial_arm")
+    q, v, a = motion_about(robot.assemble())
+    expected = robot.inverse_dynamics(q, v, a)
+    np.testing.assert_array_equal(robot.inverse_dynamics(np.asfortranarray(q), v.tolist(), a), expected)
+    assert robot.inverse_dynamics(q.astype(np.float32), v, a).dtype == np.float64
+    assert robot.inverse_dynamics(q[:0], v[:0], a[:0]).shape == (0, robot.n_act)
+
+
+def test_an_effect_gives_another_robot():
+    robot = pkm.robots.load("prs3")
+    heavy = robot.with_effect("payload", "platform", mass=2.0).with_effect("friction_coulomb", "q1", coulomb=3.0)
+    assert robot.effects == []
+    assert [e["effect"] for e in heavy.effects] == ["payload", "friction_coulomb"]
+    assert heavy.effects[1] == {"effect": "friction_coulomb", "where": ["q1"], "parameters": {"coulomb": 3.0}}
+    at = robot.assemble()[None, driven(robot)]
+    zero = np.zeros_like(at)
+    added = heavy.inverse_dynamics(at, zero, zero) - robot.inverse_dynamics(at, zero, zero)
+    assert added.sum() == pytest.approx(2.0 * 9.81, rel=0.2)
+
+
+def test_the_catalogue_is_complete():
+    entries = {e["name"]: e for e in pkm.effects()}
+    assert {"friction_coulomb", "friction_stribeck", "payload", "time_delay"} <= set(entries)
+    coulomb = entries["friction_coulomb"]
+    assert coulomb["place"] == "joint" and coulomb["energy"] == "dissipates"
+    assert coulomb["parameters"] == [
+        {"name": "coulomb", "unit": {"prismatic": "N", "revolute": "N·m"}, "lower": 0.0, "default": None}
+    ]
+    assert all(e["sentence"] and e["equation"] and e["look_alikes"] for e in entries.values())
+
+
+def test_python_runs_while_rust_computes():
+    robot = pkm.robots.load("prs3")
+    n = 60_000
+    q = np.tile(robot.assemble()[driven(robot)], (n, 1))
+    zero = np.zeros_like(q)
+    worker = threading.Thread(target=robot.regressor, args=(q, zero, zero))
+    ticks = 0
+    worker.start()
+    while worker.is_alive():
+        ticks += 1
+        time.sleep(0.001)
+    # With the interpreter held there would be one or two.
+    assert ticks > 5

@@ -1,0 +1,42 @@
+"""Every name of the package as a user's typed program meets it; checked by mypy, never run."""
+
+from pathlib import Path
+from typing import assert_type
+
+import numpy
+import pkm
+from numpy.typing import NDArray
+
+robot = pkm.robots.load(pkm.robots.names()[0])
+assert_type(robot, pkm.Robot)
+names: list[str] = robot.joints + robot.actuators + robot.passive + robot.links + [robot.name]
+counts: int = robot.nv + robot.n_act + robot.mobility
+
+q = numpy.zeros((10, robot.n_act))
+assert_type(robot.inverse_dynamics(q, q, q.tolist()), NDArray[numpy.float64])
+assert_type(robot.regressor(q, q, q) @ robot.parameters(), NDArray[numpy.float64])
+q_tree, v_tree, a_tree = robot.tree_motion(q, q, q)
+tau: NDArray[numpy.float64] = robot.rnea(q_tree, v_tree, a_tree)
+wide: NDArray[numpy.float64] = robot.joint_torque_regressor(q_tree, v_tree, a_tree)
+start: NDArray[numpy.float64] = robot.assemble() + robot.armature
+
+truth = robot.with_effect("friction_coulomb", "q1", coulomb=12.0)
+coulomb: float = truth.effects[0]["parameters"]["coulomb"]
+required: bool = pkm.effects()[0]["parameters"][0]["default"] is None
+
+recording = pkm.simulate(truth, pkm.load("robot.toml"), seed=1, duration_s=5.0, rate_hz=250.0)
+signal: NDArray[numpy.float64] = recording["q.q1"] + recording.time
+pkm.write(Path("a.mcap"), pkm.Recording(recording.time, {"q.q1": recording["q.q1"]}, name="a"))
+
+report = pkm.diagnose(robot, [pkm.read("a.csv")], holdout=recording, band_hz=8.0, floor=0.03, seed=1, progress=print)
+assert_type(report, pkm.Report)
+text: str = str(report) + report.html() + report.findings[0]["says"]
+after: float = report.verdict["heldout"]["rms_final"]
+series: pkm.evidence.JointSeries = report.evidence["joints"][0]
+verdict: pkm.verdict.Verdict = report.verdict
+report.save("out.json", html=Path("out.html"))
+toml, urdf = report.refined("refined.urdf")
+assert_type(report.refined_robot(), pkm.Robot)
+pkm.plot.joint(report, "q1").set_title("q1")
+pkm.plot.finding(report, 1)
+pkm.plot.chain(report)

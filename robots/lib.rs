@@ -1,0 +1,53 @@
+//! The shipped robots, described exactly as a user describes theirs: a robot.toml, a URDF and a README that says where every number
+//! comes from.
+//!
+//! The files are embedded as text and nothing else: reading them is the business of `pkm_dyn::urdf::parse`, so that this crate depends
+//! on no other.
+#![no_std]
+
+/// A shipped robot: the texts of its files and the names they have on disk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shipped {
+    /// Name, as in its robot.toml and as its folder is called.
+    pub name: &'static str,
+    /// Text of its robot.toml.
+    pub toml: &'static str,
+    /// Text of its URDF.
+    pub urdf: &'static str,
+    /// Path of its robot.toml, from the folder of the shipped robots.
+    pub toml_name: &'static str,
+    /// Path of its URDF, from the folder of the shipped robots.
+    pub urdf_name: &'static str,
+    /// Text of its README: measured, published or assumed, for every number.
+    pub readme: &'static str,
+}
+
+impl Shipped {
+    /// The two files of the description as (path, text): robot.toml, then the URDF it names.
+    #[must_use]
+    pub const fn files(&self) -> [(&'static str, &'static str); 2] {
+        [(self.toml_name, self.toml), (self.urdf_name, self.urdf)]
+    }
+}
+
+macro_rules! shipped {
+    ($name:literal) => {
+        Shipped {
+            name: $name,
+            toml: include_str!(concat!($name, "/robot.toml")),
+            urdf: include_str!(concat!($name, "/", $name, ".urdf")),
+            toml_name: concat!($name, "/robot.toml"),
+            urdf_name: concat!($name, "/", $name, ".urdf"),
+            readme: include_str!(concat!($name, "/README.md")),
+        }
+    };
+}
+
+/// Every shipped robot.
+pub const ALL: &[Shipped] = &[shipped!("prs3"), shipped!("ups3_rpu1"), shipped!("five_bar"), shipped!("serial_arm")];
+
+/// The shipped robot of that name.
+#[must_use]
+pub fn find(name: &str) -> Option<&'static Shipped> {
+    ALL.iter().find(|robot| robot.name == name)
+}

@@ -1,0 +1,81 @@
+//! The same bits on every machine and in every build: a hash of efforts along a fixed motion is a constant of this file.
+//!
+//! A change of the constant is a change of results: it needs a reason in the change log, not a new number here.
+
+use pkm_dyn::inverse_dynamics::{actuated_regressor, inverse_dynamics};
+use pkm_dyn::loops::assemble;
+use pkm_dyn::urdf::parse;
+use pkm_dyn::{Data, Model};
+use pkm_tests::{Draw, Motion};
+use serde::Deserialize;
+
+/// Robots that never change: those of the golden files, one over three legs, one closed by a pin, one with redundant rows.
+const ROBOTS: [&str; 3] = [
+    include_str!("golden/pinocchio/spatial_loop.json"),
+    include_str!("golden/pinocchio/spatial_pin.json"),
+    include_str!("golden/pinocchio/five_bar.json"),
+];
+
+#[derive(Deserialize)]
+struct Texts {
+    toml: String,
+    urdf: String,
+}
+
+fn robot(k: usize) -> (Model, Motion) {
+    let texts: Texts = serde_json::from_str(ROBOTS[k]).expect("golden file");
+    let model = parse(&texts.toml, &texts.urdf, ["golden.toml", "golden.urdf"]).expect("the golden robot reads").bare;
+    let motion = Motion::about_assembly(&model, 0.05, &mut Draw::new(40 + k as u64));
+    (model, motion)
+}
+
+/// FNV-1a over the bits of numbers.
+struct Fnv(u64);
+
+impl Fnv {
+    fn new() -> Self {
+        Self(0xCBF2_9CE4_8422_2325)
+    }
+
+    fn add(&mut self, x: f64) {
+        for byte in x.to_bits().to_le_bytes() {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01B3);
+        }
+    }
+}
+
+fn hash_of_a_motion(model: &Model, motion: &Motion) -> u64 {
+    let mut data = Data::new(model);
+    assert!(assemble(model, &mut data).is_closed);
+    let mut hash = Fnv::new();
+    for k in 0..100 {
+        let [q, v, a] = motion.at(0.01 * f64::from(k));
+        assert!(inverse_dynamics(model, &mut data, &q, &v, &a).is_closed);
+        data.q.iter().chain(&data.v).chain(&data.a).chain(&data.tau_act).for_each(|&x| hash.add(x));
+        actuated_regressor(model, &mut data).iter().for_each(|&x| hash.add(x));
+    }
+    hash.0
+}
+
+const HASHES: [u64; 3] = [0x2171_1B39_4FB5_2A21, 0xCBA4_BBF5_A9C4_D082, 0x840B_510E_23F5_00A8];
+
+#[test]
+fn efforts_along_a_fixed_motion_have_the_same_bits_as_ever() {
+    let got = [0, 1, 2].map(|k| {
+        let (model, motion) = robot(k);
+        hash_of_a_motion(&model, &motion)
+    });
+    assert_eq!(got, HASHES, "{got:#018x?}");
+}
+
+#[test]
+fn a_second_run_in_used_data_gives_the_same_bits() {
+    let (model, motion) = robot(0);
+    assert_eq!(hash_of_a_motion(&model, &motion), hash_of_a_motion(&model, &motion));
+    let mut hash = Fnv::new();
+    hash.add(0.0);
+    let zero = hash.0;
+    let mut hash = Fnv::new();
+    hash.add(-0.0);
+    assert_ne!(zero, hash.0, "the hash sees single bits");
+}

@@ -1,0 +1,105 @@
+//! Nothing is allocated in the loop: every algorithm works in the room that `Data::new` made. Holds in debug and release builds.
+#![expect(unsafe_code, reason = "a global allocator cannot be written without it; it only counts and hands on to the system's")]
+
+use core::alloc::{GlobalAlloc, Layout};
+use core::cell::Cell;
+use core::hint::black_box;
+use std::alloc::System;
+
+use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, inverse_dynamics, rigid_effort};
+use pkm_dyn::loops::{assemble, loop_drift, loop_gap, reduction};
+use pkm_dyn::regressor::joint_torque_regressor;
+use pkm_dyn::rnea::rnea;
+use pkm_dyn::{Data, Model};
+use pkm_tests::{Draw, Motion, SHAPES, drawn_loops, drawn_tree};
+
+struct Counting;
+
+thread_local! {
+    // Per thread, so that tests beside this one do not count. `const`: its start-up must not allocate.
+    static COUNT: Cell<usize> = const { Cell::new(0) };
+}
+
+fn count_one() {
+    // A thread that is being torn down has no counter any more, and counts nothing.
+    let _ = COUNT.try_with(|c| c.set(c.get() + 1));
+}
+
+// SAFETY: every call is handed on unchanged to the system's allocator, which keeps the contract of `GlobalAlloc`.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count_one();
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        // SAFETY: the caller keeps the contract of `dealloc`.
+        unsafe { System.dealloc(at, layout) }
+    }
+
+    unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count_one();
+        // SAFETY: the caller keeps the contract of `realloc`.
+        unsafe { System.realloc(at, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn allocations(work: impl FnOnce()) -> usize {
+    let before = COUNT.with(Cell::get);
+    work();
+    COUNT.with(Cell::get) - before
+}
+
+#[test]
+fn the_counter_counts() {
+    // `black_box`, or the release build removes the allocation.
+    assert_eq!(allocations(|| drop(black_box(vec![1.0_f64; black_box(8)]))), 1);
+    assert_eq!(allocations(|| drop(black_box(nalgebra::DMatrix::<f64>::zeros(black_box(3), 3)))), 1);
+}
+
+#[test]
+fn tree_algorithms_allocate_nothing() {
+    let mut draw = Draw::new(3);
+    let model = drawn_tree(7, &mut draw);
+    let (q, v, a) = (draw.vector(7, -1.0..1.0), draw.vector(7, -1.0..1.0), draw.vector(7, -1.0..1.0));
+    let mut data = Data::new(&model);
+    let count = allocations(|| {
+        black_box(rnea(&model, &mut data, &q, &v, &a));
+        black_box(joint_torque_regressor(&model, &mut data, &q, &v, &a));
+        let _ = black_box(inverse_dynamics(&model, &mut data, &q, &v, &a));
+        black_box(actuated_regressor(&model, &mut data));
+    });
+    assert_eq!(count, 0);
+}
+
+fn along_a_motion(model: &Model, draw: &mut Draw) -> usize {
+    let motion = Motion::about_assembly(model, 0.05, draw);
+    let mut data = Data::new(model);
+    assert!(assemble(model, &mut data).is_closed);
+    let q_tree = data.q.clone();
+    let samples: Vec<[Vec<f64>; 3]> = (0..20).map(|k| motion.at(0.02 * f64::from(k))).collect();
+    allocations(|| {
+        for [q, v, a] in &samples {
+            let _ = black_box(closed_loop_motion(model, &mut data, q, v, a));
+            rigid_effort(model, &mut data);
+            black_box(actuated_regressor(model, &mut data));
+            let _ = black_box(inverse_dynamics(model, &mut data, q, v, a));
+            black_box(reduction(model, &mut data));
+        }
+        loop_gap(model, &mut data, &q_tree);
+        loop_drift(model, &mut data);
+    })
+}
+
+#[test]
+fn loop_mechanisms_of_every_shape_allocate_nothing() {
+    for (seed, shape) in SHAPES.into_iter().enumerate() {
+        let mut draw = Draw::new(20 + seed as u64);
+        let model = drawn_loops(shape, &mut draw);
+        assert_eq!(along_a_motion(&model, &mut draw), 0, "{shape:?}");
+    }
+}

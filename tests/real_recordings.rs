@@ -1,0 +1,157 @@
+//! The tool on real recordings. They are read through the environment variable `PKM_DATA`; without it every test says "not run".
+//!
+//! Thresholds are the recordings' published values, or what plain least squares reaches on the same columns.
+
+use std::path::PathBuf;
+
+use pkm_diagnose::verdict::{Finding, Verdict};
+use pkm_diagnose::{Diagnosis, Settings, diagnose, predict};
+use pkm_dyn::urdf::{Description, load, parse};
+use pkm_ident::Recording;
+use pkm_record::ReadOptions;
+use pkm_tests::{Draw, results_table};
+
+fn data(folder: &str) -> Option<PathBuf> {
+    let path = std::env::var_os("PKM_DATA").map(|root| PathBuf::from(root).join(folder)).filter(|p| p.is_dir());
+    if path.is_none() {
+        println!("not run: PKM_DATA holds no folder {folder}");
+    }
+    path
+}
+
+fn read(path: &PathBuf) -> Recording {
+    pkm_record::read(path, &ReadOptions::default()).expect("a readable recording")
+}
+
+fn emps() -> Option<(Description, Recording, Recording)> {
+    let root = data("emps")?;
+    let robot = load(&root.join("robot.toml")).expect("a readable robot");
+    Some((robot, read(&root.join("train.csv")), read(&root.join("pulses.csv"))))
+}
+
+fn upv() -> Option<(Description, Recording)> {
+    let root = data("upv_3ups_rpu")?;
+    let robot = load(&root.join("robot.toml")).expect("a readable robot");
+    Some((robot, read(&root.join("ident_a.csv"))))
+}
+
+fn run(robot: &Description, train: &[Recording], holdout: &[Recording], band_hz: Option<f64>) -> Diagnosis {
+    let settings = Settings { band_hz, ..Settings::default() };
+    diagnose(robot, train, holdout, &settings, &mut |_| {}).expect("usable recordings")
+}
+
+fn found<'v>(v: &'v Verdict, effect: &str, place: &str) -> Option<&'v Finding> {
+    v.findings.iter().find(|f| f.effect == effect && f.place == [place.to_string()])
+}
+
+fn assert_within(what: &str, value: f64, truth: f64, share: f64) {
+    assert!((value / truth - 1.0).abs() < share, "{what}: {value} instead of {truth}");
+}
+
+#[test]
+fn emps_friction_direction_dependence_and_drive_lag_are_named() {
+    let Some((robot, train, pulses)) = emps() else { return };
+    let v = run(&robot, &[train], &[pulses], None).verdict;
+    // Published: Janot, Gautier, Brunot 2019, least squares on inverse dynamics.
+    let value = |effect: &str, name: &str| found(&v, effect, "slide").unwrap_or_else(|| panic!("{effect} is not named")).parameters[name].value;
+    assert_within("coulomb", value("friction_coulomb", "coulomb"), 20.39, 0.03);
+    assert_within("viscous", value("friction_viscous", "viscous"), 203.5, 0.03);
+    let asymmetric = found(&v, "friction_asymmetric", "slide").expect("direction dependence is named");
+    assert_within("viscous_pos", asymmetric.parameters["viscous_pos"].value, 166.7, 0.05);
+    assert_within("viscous_neg", asymmetric.parameters["viscous_neg"].value, 240.4, 0.05);
+    let late = found(&v, "actuator_lag", "slide").map(|f| f.parameters["time_constant"].value);
+    let late = late.or(found(&v, "time_delay", "slide").map(|f| f.parameters["delay"].value)).expect("a lag or delay is named");
+    assert!((0.5e-3..1.5e-3).contains(&late), "the drive lags about 1 ms, not {late} s");
+    assert!(v.heldout.rms_final < 0.032, "held-out error {}", v.heldout.rms_final);
+    assert!(v.findings.iter().all(|f| f.confidence > 0.8), "two recordings confirm");
+}
+
+#[test]
+fn emps_mass_comes_out_as_published_whatever_it_is_called() {
+    let Some((robot, train, pulses)) = emps() else { return };
+    let v = run(&robot, &[train], &[pulses], None).verdict;
+    let names = ["inertia_error", "torque_constant", "payload", "rotor_inertia"];
+    let f = v.findings.iter().find(|f| names.contains(&f.effect.as_str())).expect("the wrong mass shows");
+    let mass = match f.effect.as_str() {
+        "torque_constant" => 80.0 / f.parameters["scale"].value,
+        "payload" => 80.0 + f.parameters["mass"].value,
+        "rotor_inertia" => 80.0 + f.parameters["inertia"].value,
+        _ => f.parameters["mass"].value,
+    };
+    assert_within("moving mass", mass, 95.11, 0.03);
+    for other in names.iter().filter(|n| **n != f.effect) {
+        assert!(f.cannot_tell_from.iter().any(|a| a.effect == *other), "on one axis {} cannot be told from {other}", f.effect);
+    }
+}
+
+#[test]
+fn emps_held_out_error_in_the_published_band_is_below_3_2_percent() {
+    let Some((robot, train, pulses)) = emps() else { return };
+    let v = run(&robot, &[train], &[pulses], Some(50.0)).verdict;
+    assert!(v.heldout.rms_final < 0.032, "held-out error {}", v.heldout.rms_final);
+}
+
+#[test]
+fn upv_coulomb_friction_is_named_in_the_legs_and_leg_four_stays_unexplained() {
+    let Some((robot, ident)) = upv() else { return };
+    let v = run(&robot, &[ident], &[], Some(2.0)).verdict;
+    for leg in ["q13", "q23", "q33"] {
+        assert!(found(&v, "friction_coulomb", leg).is_some(), "Coulomb friction at {leg}");
+        let j = v.heldout.joints.iter().find(|j| j.joint == leg).expect("every drive is judged");
+        assert!(j.rms_final < 0.6 * j.rms_nominal, "{leg}: {} of {} N is left", j.rms_final, j.rms_nominal);
+    }
+    for leg in ["q13", "q23"] {
+        let names = ["torque_constant", "inertia_error", "payload"];
+        let f = v.findings.iter().find(|f| names.contains(&f.effect.as_str()) && f.place == [leg]).unwrap_or_else(|| panic!("a scale at {leg}"));
+        assert!(f.cannot_tell_from.iter().any(|a| names.contains(&a.effect.as_str())), "at {leg} a scale cannot be told from a mass");
+    }
+    assert!(v.unexplained.present && v.unexplained.place == ["q42"], "{:?}", v.unexplained);
+    assert!(v.findings.iter().all(|f| f.place != ["q42"] || f.effect == "friction_coulomb"), "only Coulomb friction may be named at q42");
+    assert!(v.findings.iter().all(|f| f.confidence < 0.8), "one recording is never confirmed");
+}
+
+/// The recording's motion with the effort of `robot` itself plus noise: nothing is missing.
+fn healthy(robot: &Description, recording: &Recording, noise: f64, draw: &mut Draw) -> Recording {
+    let mut out = recording.clone();
+    for (joint, effort) in predict(robot, recording).expect("the robot fits its recording") {
+        let rms = (effort.iter().map(|t| t * t).sum::<f64>() / effort.len() as f64).sqrt();
+        // The sum of twelve uniform numbers less six is normal enough, with unit variance.
+        let noisy = effort.iter().map(|t| t + noise * rms * ((0..12).map(|_| draw.uniform(0.0..1.0)).sum::<f64>() - 6.0)).collect();
+        out.signals.insert(format!("tau.{joint}"), noisy);
+    }
+    out
+}
+
+/// The refined robot of a diagnosis, read back from its own files' text.
+fn refined(robot: &Description, d: &Diagnosis) -> Description {
+    let [toml, urdf] = d.refined.as_ref().expect("a refined robot").texts(robot, "refined.urdf").expect("it can be written");
+    parse(&toml, &urdf, ["refined.toml", "refined.urdf"]).expect("it can be read")
+}
+
+#[test]
+fn the_same_runs_with_nothing_missing_raise_at_most_one_alarm() {
+    let seeds = if std::env::var_os("PKM_LONG").is_some() { 20 } else { 2 };
+    let mut alarms = Vec::new();
+    let mut runs = 0;
+    if let Some((robot, train, pulses)) = emps() {
+        let good = refined(&robot, &run(&robot, &[train.clone()], &[pulses.clone()], None));
+        for seed in 0..seeds {
+            let mut draw = Draw::new(seed);
+            let again = [&train, &pulses].map(|r| healthy(&good, r, 0.03, &mut draw));
+            let v = run(&good, &again[..1], &again[1..], None).verdict;
+            runs += 1;
+            alarms.extend(v.findings.iter().map(|f| format!("emps seed {seed}: {}", f.says)));
+        }
+    }
+    if let Some((robot, ident)) = upv() {
+        let good = refined(&robot, &run(&robot, &[ident.clone()], &[], Some(2.0)));
+        for seed in 0..seeds {
+            let again = healthy(&good, &ident, 0.2, &mut Draw::new(100 + seed));
+            let v = run(&good, &[again], &[], Some(2.0)).verdict;
+            runs += 1;
+            alarms.extend(v.findings.iter().map(|f| format!("upv seed {seed}: {}", f.says)));
+        }
+    }
+    results_table("healthy_real_motions", &format!("| runs | false findings |\n|---|---|\n| {runs} | {} |\n\n{}\n", alarms.len(), alarms.join("\n")));
+    assert!(alarms.len() <= 1, "{} false findings in {runs} runs:\n{}", alarms.len(), alarms.join("\n"));
+}

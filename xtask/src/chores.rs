@@ -1,0 +1,48 @@
+//! The commands besides `test`: long runs, benches, the wheel to publish, golden files.
+
+use std::fs;
+
+use crate::python;
+use crate::shell::{answer, cargo, program, root, run};
+
+/// Version of Pinocchio the golden files are made with.
+const PINOCCHIO: &str = "pin==4.1.0";
+
+/// Runs the cross-crate tests with many seeds; they read `PKM_LONG`, and write tables into the folder `PKM_RESULTS`, each under the
+/// commit in `PKM_COMMIT`.
+pub(crate) fn long() -> Result<(), String> {
+    let results = root().join("docs/results");
+    fs::create_dir_all(&results).map_err(|e| format!("{}: {e}", results.display()))?;
+    let commit = commit();
+    println!("   commit {commit}, tables go to docs/results/");
+    let mut command = cargo("test --release --locked -p pkm-tests --no-fail-fast");
+    run(command.env("PKM_LONG", "1").env("PKM_RESULTS", &results).env("PKM_COMMIT", commit))
+}
+
+/// Short id of the commit, marked when files differ from it.
+fn commit() -> String {
+    let git = |arguments: &[&str]| answer(&mut program("git", arguments));
+    let Some(id) = git(&["rev-parse", "--short=12", "HEAD"]) else { return "unknown".to_string() };
+    let is_clean = git(&["status", "--porcelain"]).is_some_and(|lines| lines.is_empty());
+    if is_clean { id } else { format!("{id}+changes") }
+}
+
+/// Runs the benches.
+pub(crate) fn bench(rest: &[&str]) -> Result<(), String> {
+    run(cargo("bench --locked -p pkm-benches").args(rest))
+}
+
+/// Builds the wheel to publish.
+pub(crate) fn wheel() -> Result<(), String> {
+    let programs = python::environment()?;
+    let wheel = python::build(&programs, &["--release"])?;
+    println!("   {}", wheel.display());
+    Ok(())
+}
+
+/// Writes the golden files anew.
+pub(crate) fn golden() -> Result<(), String> {
+    let programs = python::environment()?;
+    python::install(&programs, &[PINOCCHIO, "numpy"])?;
+    python::python(&programs, &["tests/golden/pinocchio/make_golden.py"])
+}

@@ -1,0 +1,49 @@
+//! `cargo xtask`: everything CI runs, and the other chores of the repository. Needs nothing beyond the standard library.
+#![expect(clippy::print_stdout, clippy::print_stderr, reason = "a command for the terminal")]
+
+mod checks;
+mod chores;
+mod nostd;
+mod prerequisites;
+mod python;
+mod shell;
+
+use std::process::ExitCode;
+
+const USAGE: &str = "\
+cargo xtask test [STEP ...]   everything CI runs, in order, up to the first failure; or only the steps named
+cargo xtask long              the long tier: PKM_LONG=1, tables into docs/results/
+cargo xtask bench [ARGS ...]  the benches; arguments go to criterion (`-- --quick`, a name)
+cargo xtask wheel             the Python wheel, optimised, into target/wheels/
+cargo xtask golden            the golden files of tests/, anew, with Pinocchio
+
+steps of `test`, in order:";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let rest: Vec<&str> = arguments.iter().skip(1).map(String::as_str).collect();
+    let outcome = match arguments.first().map(String::as_str) {
+        Some("test") => checks::run_steps(&rest),
+        Some("bench") => chores::bench(&rest),
+        Some("long") => none(&rest).and_then(|()| chores::long()),
+        Some("wheel") => none(&rest).and_then(|()| chores::wheel()),
+        Some("golden") => none(&rest).and_then(|()| chores::golden()),
+        None | Some("help" | "--help" | "-h") => {
+            println!("{USAGE}");
+            checks::list();
+            Ok(())
+        }
+        Some(other) => Err(format!("no command {other:?}; `cargo xtask` alone lists them")),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(reason) => {
+            eprintln!("xtask: {reason}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn none(rest: &[&str]) -> Result<(), String> {
+    rest.first().map_or(Ok(()), |extra| Err(format!("unexpected argument {extra:?}; this command takes none")))
+}
