@@ -328,3 +328,17 @@ impl Motion {
         ]
     }
 }
+
+/// Writes a table of the long tier to `PKM_RESULTS/<name>.md` with the commit it was run on; prints it where no folder is given.
+///
+/// # Panics
+/// When the folder cannot be written to.
+#[expect(clippy::print_stdout, reason = "a test's table that cannot be written must not pass for one that was")]
+pub fn results_table(name: &str, table: &str) {
+    let commit = std::env::var("PKM_COMMIT").unwrap_or_else(|_| "not stated".to_string());
+    let text = format!("# {name}\n\nCommit: {commit}\n\n{table}");
+    match std::env::var_os("PKM_RESULTS") {
+        Some(folder) => std::fs::write(Path::new(&folder).join(format!("{name}.md")), text).expect("a results folder that can be written"),
+        None => println!("{text}"),
+    }
+}

@@ -53,7 +53,8 @@ fn emps_friction_direction_dependence_and_drive_lag_are_named() {
     let Some((robot, train, pulses)) = emps() else { return };
     let v = run(&robot, &[train], &[pulses], None).verdict;
     // Published: Janot, Gautier, Brunot 2019, least squares on inverse dynamics.
-    let value = |effect: &str, name: &str| found(&v, effect, "slide").unwrap_or_else(|| panic!("{effect} is not named")).parameters[name].value;
+    let value =
+        |effect: &str, name: &str| found(&v, effect, "slide").unwrap_or_else(|| panic!("{effect} is not named")).parameters[name].value;
     assert_within("coulomb", value("friction_coulomb", "coulomb"), 20.39, 0.03);
     assert_within("viscous", value("friction_viscous", "viscous"), 203.5, 0.03);
     let asymmetric = found(&v, "friction_asymmetric", "slide").expect("direction dependence is named");
@@ -102,7 +103,11 @@ fn upv_coulomb_friction_is_named_in_the_legs_and_leg_four_stays_unexplained() {
     }
     for leg in ["q13", "q23"] {
         let names = ["torque_constant", "inertia_error", "payload"];
-        let f = v.findings.iter().find(|f| names.contains(&f.effect.as_str()) && f.place == [leg]).unwrap_or_else(|| panic!("a scale at {leg}"));
+        let f = v
+            .findings
+            .iter()
+            .find(|f| names.contains(&f.effect.as_str()) && f.place == [leg])
+            .unwrap_or_else(|| panic!("a scale at {leg}"));
         assert!(f.cannot_tell_from.iter().any(|a| names.contains(&a.effect.as_str())), "at {leg} a scale cannot be told from a mass");
     }
     assert!(v.unexplained.present && v.unexplained.place == ["q42"], "{:?}", v.unexplained);
@@ -152,6 +157,9 @@ fn the_same_runs_with_nothing_missing_raise_at_most_one_alarm() {
             alarms.extend(v.findings.iter().map(|f| format!("upv seed {seed}: {}", f.says)));
         }
     }
-    results_table("healthy_real_motions", &format!("| runs | false findings |\n|---|---|\n| {runs} | {} |\n\n{}\n", alarms.len(), alarms.join("\n")));
+    results_table(
+        "healthy_real_motions",
+        &format!("| runs | false findings |\n|---|---|\n| {runs} | {} |\n\n{}\n", alarms.len(), alarms.join("\n")),
+    );
     assert!(alarms.len() <= 1, "{} false findings in {runs} runs:\n{}", alarms.len(), alarms.join("\n"));
 }

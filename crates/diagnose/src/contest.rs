@@ -30,6 +30,8 @@ pub(crate) struct Score {
     pub(crate) taken: f64,
     /// The same as a share of the error of the joints it acts on.
     pub(crate) gain: f64,
+    /// Its size as a share of the effort of those joints.
+    pub(crate) size: f64,
     /// That gain in standard deviations of what it gains in null runs, above their mean.
     pub(crate) surprise: f64,
     /// Folds in which it helped.
@@ -47,6 +49,7 @@ pub(crate) struct Trial {
     ground: usize,
     taken: f64,
     gain: f64,
+    size: f64,
     wins: usize,
 }
 
@@ -147,8 +150,9 @@ impl Arena<'_> {
                 }
                 let taken = best_base.total(self.best_ground) - base.total(i) + sum(&g.all, i);
                 let wins = (0..g.all.len()).filter(|&f| fold_taken(self.bases, self.best_ground, i, f) + g.all[f][i] > 0.0).count();
-                let gain = (own_error - base.over(&c.scope, i) + sum(&g.scope, i)) / own_error;
-                trials.push(Trial { variant: variant.clone(), ground: i, taken, gain, wins });
+                let scope_taken = own_error - base.over(&c.scope, i) + sum(&g.scope, i);
+                let (gain, size) = (scope_taken / own_error, self.work.of_effort(scope_taken, &c.scope));
+                trials.push(Trial { variant: variant.clone(), ground: i, taken, gain, size, wins });
             }
         }
         trials.sort_by(|a, b| b.taken.total_cmp(&a.taken));
@@ -174,8 +178,8 @@ const MAX_OTHERS: usize = 5;
 
 impl Score {
     fn of(candidate: usize, t: Trial, others: Vec<Trial>) -> Self {
-        let Trial { variant, ground, taken, gain, wins } = t;
-        Self { candidate, variant, ground, taken, gain, surprise: 0.0, wins, why_not: String::new(), others }
+        let Trial { variant, ground, taken, gain, size, wins } = t;
+        Self { candidate, variant, ground, taken, gain, size, surprise: 0.0, wins, why_not: String::new(), others }
     }
 
     /// Puts the next shape in place of the best one.
@@ -186,7 +190,8 @@ impl Score {
         let t = self.others.remove(0);
         // Surprise is in units of the same null runs, so it shrinks with the gain.
         self.surprise *= (t.gain / self.gain).clamp(0.0, 1.0);
-        (self.variant, self.ground, self.taken, self.gain, self.wins) = (t.variant, t.ground, t.taken, t.gain, t.wins);
+        (self.variant, self.ground, self.taken) = (t.variant, t.ground, t.taken);
+        (self.gain, self.size, self.wins) = (t.gain, t.size, t.wins);
         true
     }
 }
@@ -252,6 +257,10 @@ fn objection(s: &Score, settings: &Settings, threshold: f64, (needed, n_folds): 
         let (gain, floor) = (100.0 * s.gain, 100.0 * settings.floor);
         return format!("would take away {gain:.1} % of the squared error, less than the {floor:.0} % worth naming");
     }
+    if s.size <= settings.tolerance {
+        let (size, least) = (100.0 * s.size, 100.0 * settings.tolerance);
+        return format!("its size is {size:.2} % of the effort, less than the {least:.1} % worth naming");
+    }
     if s.surprise <= threshold {
         return format!("its gain of {:.1} % is {:.1} sigma above chance, and null runs reach {threshold:.1}", 100.0 * s.gain, s.surprise);
     }
@@ -295,16 +304,27 @@ pub(crate) fn reading(
     coefficient: &dyn Fn(ColumnId) -> f64,
 ) -> Result<Vec<(&'static str, f64)>, String> {
     let c = &work.candidates[candidate];
-    let own: Vec<f64> = variant.columns.iter().map(|&id| coefficient(id)).collect();
     let drive = work.drive(candidate);
     let softness = variant.softness.unwrap_or(work.softness);
+    // At a drive whose effort scale is wrong, fits are in recorded units and laws in true ones.
+    let unit = if c.effect_name() == "torque_constant" { 1.0 } else { 1.0 / (1.0 + scale_error(work, c.place, coefficient)) };
+    let own: Vec<f64> = variant.columns.iter().take(variant.n_own).map(|&id| unit * coefficient(id)).collect();
     c.effect.read(&columns::View {
         model: &work.baseline,
         own: &own,
         shape: &variant.values,
         place: c.place,
-        coulomb_change: drive.map_or(0.0, |k| coefficient(work.standard.coulomb[softness][k])),
-        viscous_change: drive.map_or(0.0, |k| coefficient(work.standard.viscous[k])),
+        coulomb_change: drive.map_or(0.0, |k| unit * coefficient(work.standard.coulomb[softness][k])),
+        viscous_change: drive.map_or(0.0, |k| unit * coefficient(work.standard.viscous[k])),
         chain: drive.map(|k| work.design.chain[k]).unwrap_or_default(),
     })
+}
+
+/// Share by which the recorded effort of a driven joint is too large, where a wrong scale was picked there.
+fn scale_error(work: &Work, joint: usize, coefficient: &dyn Fn(ColumnId) -> f64) -> f64 {
+    let at = |p: &&Pick| {
+        let c = &work.candidates[p.candidate];
+        c.effect_name() == "torque_constant" && c.place == joint
+    };
+    work.picks.iter().find(at).map_or(0.0, |p| coefficient(p.variant.columns[0]).max(-0.9))
 }

@@ -49,7 +49,8 @@ pub(crate) fn detectable(work: &Work, left: &[Vec<Vec<f64>>], settings: &Setting
             let (sum, coloured): (f64, f64) = c.scope.iter().map(|&j| power[j]).fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
             let by_chance = SIGMAS * math::sqrt(coloured / c.scope.iter().map(|&j| count(work, j)).sum::<f64>().max(1.0) / strength);
             let by_worth = math::sqrt(settings.floor * sum / strength);
-            let size = by_chance.max(by_worth);
+            let by_tolerance = settings.tolerance * math::sqrt(work.effort_over(&c.scope) / strength);
+            let size = by_chance.max(by_worth).max(by_tolerance);
             best = Some(best.map_or(size, |b: f64| b.min(size)));
         }
         let Some(mut value) = best.filter(|v| v.is_finite()) else { continue };

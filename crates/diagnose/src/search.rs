@@ -97,14 +97,18 @@ fn superfluous(work: &mut Work, settings: &Settings) -> Option<usize> {
         let base = Base::new(&work.gram, &cross, &columns, &prior);
         let (own, own_prior) = crate::contest::own_columns(work, &p.variant, &columns);
         let scope = &work.candidates[p.candidate].scope.clone();
-        let gain = if work.candidates[p.candidate].effect.family() == Family::Chain {
+        let before = base.over(scope, 0).max(f64::MIN_POSITIVE);
+        let mut gain = if work.candidates[p.candidate].effect.family() == Family::Chain {
             chain_gain(work, i)
         } else if own.is_empty() {
             0.0
         } else {
             let g = screen::gains(&work.gram, &cross, &base, &own, &own_prior, scope);
-            g.scope.iter().map(|f| f[0]).sum::<f64>() / base.over(scope, 0).max(f64::MIN_POSITIVE)
+            g.scope.iter().map(|f| f[0]).sum::<f64>() / before
         };
+        if work.of_effort(gain * before, scope) <= settings.tolerance {
+            gain = gain.min(0.0);
+        }
         let is_possible = crate::contest::reading(work, p.candidate, &p.variant, &value).is_ok();
         let gain = if is_possible { gain } else { f64::NEG_INFINITY };
         if gain <= settings.floor && worst.is_none_or(|(g, _)| gain < g) {

@@ -8,6 +8,9 @@ pub struct Settings {
     /// Smallest held-out gain worth a name, as a share of the squared error it acts on. A real half-millisecond hold is
     /// statistically true and practically nothing: an effect must be worth having as well as real.
     pub floor: f64,
+    /// Smallest size worth a name, as a share of the effort of the drives it acts on: what a recording can resolve may still be nothing
+    /// that a controller would feel.
+    pub tolerance: f64,
     /// Null runs per decision.
     pub null_runs: usize,
     /// Family-wise level at which the search lets a candidate through, over all candidates, places and shapes at once. It is generous
@@ -21,7 +24,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { band_hz: None, floor: 0.03, null_runs: 199, search_level: 0.2, confirm_level: 0.05, seed: 1 }
+        Self { band_hz: None, floor: 0.03, tolerance: 0.005, null_runs: 199, search_level: 0.2, confirm_level: 0.05, seed: 1 }
     }
 }
 
@@ -46,8 +49,8 @@ pub(crate) const PRIORS: [f64; 3] = [0.0, 0.1, 0.5];
 /// An explanation that takes away this share of what the finding takes away cannot be told from it.
 pub(crate) const ALIAS_SHARE: f64 = 0.9;
 
-/// From this share on, it cannot be told from it unless the blocks say so clearly.
-pub(crate) const WEAK_ALIAS_SHARE: f64 = 0.7;
+/// An explanation of most of it cannot be told from it either, unless the blocks say so clearly.
+pub(crate) const WEAK_ALIAS_SHARE: f64 = 0.5;
 
 /// From this share on, a rejected explanation is worth a line.
 pub(crate) const LOOK_ALIKE_SHARE: f64 = 0.3;

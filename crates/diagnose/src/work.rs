@@ -22,6 +22,8 @@ pub(crate) struct Variant {
     pub(crate) columns: Vec<ColumnId>,
     /// Prior standard deviation per column; infinite is free.
     pub(crate) prior: Vec<f64>,
+    /// How many leading columns are the effect itself.
+    pub(crate) n_own: usize,
 }
 
 /// An effect at a place, in the shapes it may take.
@@ -70,6 +72,8 @@ pub(crate) struct Work<'w> {
     pub(crate) softness: usize,
     /// Prior strength of the rigid parameters while structure is sought.
     pub(crate) kappa: f64,
+    /// Weighted squared measured effort of each joint over the rows that are fitted.
+    effort: Vec<f64>,
 }
 
 impl<'w> Work<'w> {
@@ -98,6 +102,7 @@ impl<'w> Work<'w> {
             picks: Vec::new(),
             softness: 0,
             kappa: 0.0,
+            effort: Vec::new(),
         };
         out.weigh();
         out
@@ -123,6 +128,30 @@ impl<'w> Work<'w> {
             self.design.weight[j] = if rms > 0.0 { 1.0 / rms } else { 1.0 };
         }
         self.rebuild();
+        self.effort = self.effort_power();
+    }
+
+    /// Weighted squared measured effort of each joint over the rows that are fitted.
+    fn effort_power(&self) -> Vec<f64> {
+        let cross = self.gram.cross(&self.design, &vec![self.measured()]);
+        let folds = &cross.yy[..self.gram.n_folds];
+        (0..self.design.n_joints).map(|j| folds.iter().map(|f| f[j][0]).sum()).collect()
+    }
+
+    fn measured(&self) -> Vec<Vec<Vec<f64>>> {
+        let d = &self.design;
+        (0..d.n_joints).map(|j| (0..d.rows.len()).map(|s| d.measured_rows(j, s, View::Fit)).collect()).collect()
+    }
+
+    /// Weighted squared effort of some joints.
+    pub(crate) fn effort_over(&self, joints: &[usize]) -> f64 {
+        joints.iter().map(|&j| self.effort[j]).sum()
+    }
+
+    /// Size of a squared error as a share of the effort of some joints.
+    pub(crate) fn of_effort(&self, squared: f64, joints: &[usize]) -> f64 {
+        let effort = self.effort_over(joints);
+        if effort > 0.0 { pkm_dyn::math::sqrt(squared.max(0.0) / effort) } else { 0.0 }
     }
 
     /// Sums of products anew, after columns or chains changed.
@@ -228,7 +257,7 @@ impl<'w> Work<'w> {
                 let acting = self.acting(drive, ids, theta, *softness);
                 for (series, values) in self.chain_shapes(c, &acting, band) {
                     let id = self.design.put_fine(old.pop(), drive, series);
-                    variants.push(Variant { values, softness: Some(*softness), columns: vec![id], prior: vec![f64::INFINITY] });
+                    variants.push(Variant { values, softness: Some(*softness), columns: vec![id], prior: vec![f64::INFINITY], n_own: 1 });
                 }
             }
             self.candidates[c].variants = variants;
@@ -254,7 +283,7 @@ impl<'w> Work<'w> {
 
     /// Adds a pick; ordinary parameters it was sought together with become picks of their own.
     pub(crate) fn pick(&mut self, mut pick: Pick) {
-        let n_own = self.candidates[pick.candidate].effect.n_own().min(pick.variant.columns.len());
+        let n_own = pick.variant.n_own;
         let companions = pick.variant.columns.split_off(n_own);
         pick.variant.prior.truncate(n_own);
         for id in companions {
@@ -263,7 +292,7 @@ impl<'w> Work<'w> {
             if self.picks.iter().any(|p| p.candidate == candidate) {
                 continue;
             }
-            let variant = Variant { values: Vec::new(), softness: None, columns: vec![id], prior: vec![f64::INFINITY] };
+            let variant = Variant { values: Vec::new(), softness: None, columns: vec![id], prior: vec![f64::INFINITY], n_own: 1 };
             self.picks.push(Pick { candidate, variant, ..pick.clone() });
         }
         self.picks.push(pick);
@@ -368,5 +397,5 @@ fn variant(shape: Shape, design: &mut Design, motions: &[Motion], standard: &Sta
             Source::Offset(k) => standard.offset[k],
         });
     }
-    Variant { values: shape.values, softness: shape.softness, columns, prior: shape.prior }
+    Variant { values: shape.values, softness: shape.softness, columns, prior: shape.prior, n_own: shape.n_own }
 }

@@ -70,7 +70,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let train = parts(&description, read_recordings(&args.recordings, args.topic.as_deref())?, &file)?;
     let holdout = parts(&description, read_recordings(&args.holdouts, args.topic.as_deref())?, &file)?;
     let targets: Vec<PathBuf> = args.json.iter().cloned().collect();
-    let mut outputs = Outputs::reserve(&targets, &args.recordings.iter().chain([&args.robot]).map(PathBuf::as_path).collect::<Vec<_>>())?;
+    let mut outputs = Outputs::reserve(
+        &targets,
+        &args.recordings.iter().chain(&args.holdouts).chain([&args.robot]).map(PathBuf::as_path).collect::<Vec<_>>(),
+    )?;
     let subject = Subject { description: &description, file: &file };
     let settings = args.settings.settings();
     let mut rows = vec![["seed", "status", "findings", "unexplained"].map(str::to_string).to_vec()];

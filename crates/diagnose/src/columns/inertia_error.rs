@@ -25,10 +25,15 @@ impl Columns for Effect {
             .map(|l| {
                 let link = ctx.massive[l];
                 let theta = ctx.model.links[link].parameters.to_vector();
-                let scaled = global(move |m| scaled(&m.link_columns[l * N_INERTIAL..(l + 1) * N_INERTIAL], theta.as_slice()));
+                let all =
+                    || Shape::free(vec![global(move |m| scaled(&m.link_columns[l * N_INERTIAL..(l + 1) * N_INERTIAL], theta.as_slice()))]);
                 let sd: Vec<f64> = spread(&ctx.model.links[link].parameters).iter().map(|s| 0.5 * s).collect();
                 let free = (0..N_INERTIAL).map(|c| Source::Rigid(l, c)).collect();
-                let shapes = vec![Shape::free(vec![scaled]), Shape { values: Vec::new(), softness: None, sources: free, prior: sd }];
+                let shapes = vec![
+                    all(),
+                    all().with_offsets(0..ctx.model.n_act()),
+                    Shape { values: Vec::new(), softness: None, sources: free, prior: sd, n_own: N_INERTIAL },
+                ];
                 let scope = (0..ctx.model.n_act()).collect();
                 Proposal { place: link, name: ctx.model.links[link].name.clone(), scope, shapes }
             })

@@ -109,6 +109,8 @@ pub(crate) struct Shape {
     pub(crate) sources: Vec<Source>,
     /// Prior standard deviation of each coefficient; infinite is free.
     pub(crate) prior: Vec<f64>,
+    /// How many leading columns are the effect itself; the others are ordinary parameters it is sought together with.
+    pub(crate) n_own: usize,
 }
 
 /// A candidate before its columns are computed.
@@ -134,7 +136,17 @@ impl Proposal {
 impl Shape {
     /// Free coefficients, one softness for all.
     pub(crate) fn free(sources: Vec<Source>) -> Self {
-        Self { values: Vec::new(), softness: None, prior: vec![f64::INFINITY; sources.len()], sources }
+        Self { values: Vec::new(), softness: None, prior: vec![f64::INFINITY; sources.len()], n_own: sources.len(), sources }
+    }
+
+    /// Together with the offsets of some drives: where the rigid effort hardly varies, a share of it and a constant are nearly the same
+    /// column, and neither pays without the other.
+    pub(crate) fn with_offsets(mut self, drives: impl Iterator<Item = usize>) -> Self {
+        for k in drives {
+            self.sources.push(Source::Offset(k));
+            self.prior.push(f64::INFINITY);
+        }
+        self
     }
 
     pub(crate) fn at(mut self, softness: usize) -> Self {
@@ -177,10 +189,6 @@ pub(crate) trait Columns: Sync {
     fn axis(&self) -> Axis;
     /// Where and in which shapes to look for it.
     fn propose(&self, ctx: &Context) -> Vec<Proposal>;
-    /// How many leading columns of a shape are the effect itself; the others are ordinary parameters it is sought together with.
-    fn n_own(&self) -> usize {
-        usize::MAX
-    }
     /// Reads coefficients as parameters; `Err` is a physical veto.
     fn read(&self, view: &View) -> Reading;
 }

@@ -1,6 +1,6 @@
-//! A wrong effort scale at a drive: a share of the rigid effort itself.
+//! A wrong effort scale at a drive: a share of the model's own effort.
 
-use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, Source, View, local};
+use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
 
 /// See the catalogue entry of the same name.
 pub(super) struct Effect;
@@ -19,14 +19,10 @@ impl Columns for Effect {
     }
 
     fn propose(&self, ctx: &Context) -> Vec<Proposal> {
-        let rigid = |k| local(k, |m, k| m.rigid[k].clone());
-        // Where the rigid effort hardly varies, a scale and a constant are nearly the same column: it is sought with and without.
-        let shapes = |k| vec![Shape::free(vec![rigid(k)]), Shape::free(vec![rigid(k), Source::Offset(k)])];
+        // The model's whole effort, nominal friction included: that is what the drive scales.
+        let whole = |k| Shape::free(vec![local(k, |m, k| m.nominal[0][k].clone())]);
+        let shapes = |k| vec![whole(k), whole(k).with_offsets(core::iter::once(k))];
         (0..ctx.model.n_act()).map(|k| Proposal::at_drive(ctx, k, shapes(k))).collect()
-    }
-
-    fn n_own(&self) -> usize {
-        1
     }
 
     fn read(&self, view: &View) -> Reading {

@@ -1,4 +1,4 @@
-//! robot.toml + URDF to a [`Robot`] and back.
+//! robot.toml + URDF to a [`Robot`](crate::effects::Robot) and back.
 //!
 //! A URDF is a tree; robot.toml beside it closes the loops, says what is driven and measured, and adds physics beyond rigid bodies.
 //! Everything read here is hostile until checked: sizes first, then syntax, then names, then every number.
