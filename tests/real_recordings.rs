@@ -2,7 +2,8 @@
 //!
 //! Thresholds are the recordings' published values, or what plain least squares reaches on the same columns.
 
-use std::path::PathBuf;
+use core::slice::from_ref;
+use std::path::{Path, PathBuf};
 
 use pkm_diagnose::verdict::{Finding, Verdict};
 use pkm_diagnose::{Diagnosis, Settings, diagnose, predict};
@@ -11,6 +12,7 @@ use pkm_ident::Recording;
 use pkm_record::ReadOptions;
 use pkm_tests::{Draw, results_table};
 
+#[expect(clippy::print_stdout, reason = "a test that could not run must say so")]
 fn data(folder: &str) -> Option<PathBuf> {
     let path = std::env::var_os("PKM_DATA").map(|root| PathBuf::from(root).join(folder)).filter(|p| p.is_dir());
     if path.is_none() {
@@ -19,7 +21,7 @@ fn data(folder: &str) -> Option<PathBuf> {
     path
 }
 
-fn read(path: &PathBuf) -> Recording {
+fn read(path: &Path) -> Recording {
     pkm_record::read(path, &ReadOptions::default()).expect("a readable recording")
 }
 
@@ -139,7 +141,7 @@ fn the_same_runs_with_nothing_missing_raise_at_most_one_alarm() {
     let mut alarms = Vec::new();
     let mut runs = 0;
     if let Some((robot, train, pulses)) = emps() {
-        let good = refined(&robot, &run(&robot, &[train.clone()], &[pulses.clone()], None));
+        let good = refined(&robot, &run(&robot, from_ref(&train), from_ref(&pulses), None));
         for seed in 0..seeds {
             let mut draw = Draw::new(seed);
             let again = [&train, &pulses].map(|r| healthy(&good, r, 0.03, &mut draw));
@@ -149,7 +151,7 @@ fn the_same_runs_with_nothing_missing_raise_at_most_one_alarm() {
         }
     }
     if let Some((robot, ident)) = upv() {
-        let good = refined(&robot, &run(&robot, &[ident.clone()], &[], Some(2.0)));
+        let good = refined(&robot, &run(&robot, from_ref(&ident), &[], Some(2.0)));
         for seed in 0..seeds {
             let again = healthy(&good, &ident, 0.2, &mut Draw::new(100 + seed));
             let v = run(&good, &[again], &[], Some(2.0)).verdict;
