@@ -7,7 +7,7 @@ use crate::gram::{Cross, Gram};
 use crate::screen::{self, Base};
 use crate::settings::{MAX_SHIFTS, MAX_STRUCTURAL, PRIORS, SOFTNESS, Settings};
 use crate::solve::Over;
-use crate::work::Work;
+use crate::work::{Pick, Work};
 
 /// What the search leaves behind besides the picks in `Work`.
 pub(crate) struct Search {
@@ -167,7 +167,7 @@ fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn
         let left = left_over(work, &grounds[best]);
         let pool: Vec<usize> = (0..work.candidates.len())
             .filter(|&c| work.candidates[c].effect.family() != Family::Standard && !is_picked(work, c))
-            .filter(|&c| !second_chain(work, c))
+            .filter(|&c| !second_chain(work, c) && !same_body(work, c))
             .collect();
         let mut now = contest(work, &pool, &grounds, &left, settings);
         let pick = decide(work, &mut now, &grounds, settings);
@@ -184,6 +184,59 @@ fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn
 
 fn is_picked(work: &Work, candidate: usize) -> bool {
     work.picks.iter().any(|p| p.candidate == candidate)
+}
+
+/// Whether the mass properties of a candidate's link are already being changed by a pick: one link, one change.
+fn same_body(work: &Work, candidate: usize) -> bool {
+    let is_body = |c: usize| matches!(work.candidates[c].effect_name(), "payload" | "inertia_error");
+    is_body(candidate)
+        && work.picks.iter().any(|p| is_body(p.candidate) && work.candidates[p.candidate].place == work.candidates[candidate].place)
+}
+
+/// A change of a link's mass properties that was found in its simplest shape takes a fuller one, as a payload or as an error of the
+/// link itself, where that pays on blocks it was not fitted on.
+fn fuller_bodies(work: &mut Work, settings: &Settings) {
+    for i in 0..work.picks.len() {
+        let (at, n) = (work.picks[i].candidate, work.picks[i].variant.columns.len());
+        if !same_body(work, at) {
+            continue;
+        }
+        let scope = work.candidates[at].scope.clone();
+        let now = picked_error(work, &scope);
+        let place = work.candidates[at].place;
+        let rivals: Vec<usize> = (0..work.candidates.len())
+            .filter(|&c| matches!(work.candidates[c].effect_name(), "payload" | "inertia_error") && work.candidates[c].place == place)
+            .collect();
+        let old = work.picks[i].clone();
+        let mut best = (now, old.clone());
+        for c in rivals {
+            for v in work.candidates[c].variants.clone().into_iter().filter(|v| v.columns.len() == v.n_own && v.n_own > n) {
+                work.picks[i] = Pick { candidate: c, variant: v, ..old.clone() };
+                let error = picked_error(work, &scope);
+                let pays = now - error > settings.floor * now && work.of_effort(now - error, &scope) > settings.tolerance;
+                // Payload comes first among equals: it is tried first and must be beaten clearly.
+                if pays && error < 0.98 * best.0 && is_possible(work, i) {
+                    best = (error, work.picks[i].clone());
+                }
+            }
+        }
+        work.picks[i] = best.1;
+    }
+}
+
+fn picked_error(work: &Work, scope: &[usize]) -> f64 {
+    let cross = work.gram.cross(&work.design, &work.real_targets(&[work.softness]));
+    let (columns, prior) = work.picked(None);
+    Base::new(&work.gram, &cross, &columns, &prior).over(scope, 0)
+}
+
+fn is_possible(work: &Work, pick: usize) -> bool {
+    let cross = work.gram.cross(&work.design, &work.real_targets(&[work.softness]));
+    let (ids, prior) = work.picked(None);
+    let theta = screen::fit(&work.gram, &cross, &ids, &prior, Over::All);
+    let value = |id: ColumnId| ids.iter().position(|&i| i == id).map_or(0.0, |i| theta[(i, 0)]);
+    let p = &work.picks[pick];
+    crate::contest::reading(work, p.candidate, &p.variant, &value).is_ok()
 }
 
 /// A drive has one lag or one delay: together they are told apart only by what no ordinary recording contains.
@@ -314,13 +367,14 @@ fn shifts(work: &mut Work, settings: &Settings) -> Option<Contest> {
         let ground = [Ground { softness: work.softness, columns, prior }];
         let pool: Vec<usize> = (0..work.candidates.len())
             .filter(|&c| matches!(work.candidates[c].effect.family(), Family::Standard | Family::Shift) && !is_picked(work, c))
-            .filter(|&c| !repeats_pick(work, c))
+            .filter(|&c| !repeats_pick(work, c) && !same_body(work, c))
             .collect();
         let mut now = contest(work, &pool, &ground, &left, settings);
         let pick = decide(work, &mut now, &ground, settings);
         last = Some(now);
         let Some(pick) = pick.filter(|_| step < MAX_SHIFTS) else { break };
         work.pick(pick);
+        fuller_bodies(work, settings);
     }
     last
 }

@@ -45,7 +45,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "ROBOT", default_value = "prs3")]
     robot: PathBuf,
     /// Seed of everything drawn: effect, place, size, motions, noise.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 12)]
     seed: u64,
     /// Conceal this effect instead of drawing one; `none` conceals nothing (`pkm effects` lists them).
     #[arg(long, value_name = "NAME")]

@@ -1,6 +1,10 @@
-//! Extra mass on a link: mass and first moment of one rigid body.
+//! Extra mass on a link: one rigid body, as a point or with an extent.
 
+use nalgebra::SVector;
 use pkm_dyn::math;
+use pkm_dyn::parameters::{InertialParameters, N_INERTIAL};
+
+use super::inertia_error::spread;
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, Source, View};
 
@@ -24,9 +28,13 @@ impl Columns for Effect {
         (0..ctx.massive.len())
             .map(|l| {
                 let link = ctx.massive[l];
-                let shape = Shape::free((0..4).map(|c| Source::Rigid(l, c)).collect());
+                // As a point, or with an extent of its own.
+                let point = Shape::free((0..4).map(|c| Source::Rigid(l, c)).collect());
+                let sources = (0..N_INERTIAL).map(|c| Source::Rigid(l, c)).collect();
+                let prior = spread(&ctx.model.links[link].parameters).to_vec();
+                let body = Shape { values: Vec::new(), softness: None, sources, prior, n_own: N_INERTIAL };
                 let scope = (0..ctx.model.n_act()).collect();
-                Proposal { place: link, name: ctx.model.links[link].name.clone(), scope, shapes: vec![shape] }
+                Proposal { place: link, name: ctx.model.links[link].name.clone(), scope, shapes: vec![point, body] }
             })
             .collect()
     }
@@ -44,6 +52,15 @@ impl Columns for Effect {
         if far > 5.0 * extent.max(0.02) {
             return Err(format!("the mass would sit {far:.2} m from the link's origin, whose extent is {extent:.2} m"));
         }
-        Ok(vec![("mass", mass), ("x", com[0]), ("y", com[1]), ("z", com[2])])
+        let mut out = vec![("mass", mass), ("x", com[0]), ("y", com[1]), ("z", com[2])];
+        if view.own.len() == N_INERTIAL {
+            let added = InertialParameters::from_vector(&SVector::from_column_slice(view.own));
+            // Generous: its rotational inertia is known far worse than its mass.
+            if !added.is_feasible(0.1) {
+                return Err(format!("no body has the extra mass properties (mass {mass:.3} kg)"));
+            }
+            out.push(("inertia", (added.centre_of_mass().1.trace() / 3.0).max(0.0)));
+        }
+        Ok(out)
     }
 }
