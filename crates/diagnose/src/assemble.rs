@@ -84,12 +84,34 @@ fn finish(work: &Work) -> Final {
             // Too few blocks for an interval: all that can be said is the order of magnitude.
             let half = if half.is_finite() { half } else { value.abs() };
             let unit = entry.parameters.iter().find(|p| p.name == name).map_or("", |p| p.unit.text(explain::kind(work, i)));
-            map.insert(name.to_string(), Estimate { value, ci95: [value - half, value + half], unit: unit.to_string() });
+            let tried = if TRIED.contains(&name) { tried_interval(work, i, value) } else { None };
+            let ci95 = tried.unwrap_or([value - half, value + half]);
+            map.insert(name.to_string(), Estimate { value, ci95, unit: unit.to_string() });
         }
         readings.push(values);
         estimates.push(map);
     }
     Final { fit, left, parts, readings, estimates }
+}
+
+/// Parameters that are chosen from a list of shapes.
+const TRIED: [&str; 2] = ["stribeck_velocity", "order"];
+
+/// Interval of a value that was chosen from a list and not fitted: halfway to the neighbours that were tried and did worse.
+fn tried_interval(work: &Work, pick: usize, value: f64) -> Option<[f64; 2]> {
+    let p = &work.picks[pick];
+    let at = p.variant.values.iter().position(|v| (v - value).abs() <= f64::EPSILON * value.abs())?;
+    let others = work.candidates[p.candidate].variants.iter().filter(|v| v.softness == p.variant.softness).map(|v| v.values[at]);
+    let (mut below, mut above) = (None::<f64>, None::<f64>);
+    for v in others {
+        if v < value {
+            below = Some(below.map_or(v, |b| b.max(v)));
+        } else if v > value {
+            above = Some(above.map_or(v, |a| a.min(v)));
+        }
+    }
+    let half = |v: Option<f64>, open: f64| v.map_or(open, |v| 0.5 * (v + value));
+    Some([half(below, 0.0), half(above, 2.0 * value)])
 }
 
 /// What a finding adds to the model, with what its law contains.

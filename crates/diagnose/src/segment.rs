@@ -1,4 +1,7 @@
 //! The gate: recordings become uniform, smoothed, checked motions, or a one-line refusal.
+//!
+//! Velocities come from positions. A recorded `dq` is often a filtered register that lags by many milliseconds, and a lag of the
+//! velocity looks like damping.
 
 use pkm_dyn::effects::{Law, Robot};
 use pkm_ident::filter::{LowPass, derivative};
@@ -35,7 +38,6 @@ struct Raw {
     grid: Grid,
     q: Vec<Vec<f64>>,
     tau: Vec<Vec<f64>>,
-    dq: Vec<Option<Vec<f64>>>,
     valid: Vec<bool>,
 }
 
@@ -52,7 +54,7 @@ pub(crate) fn segments(robot: &Robot, recordings: &[(&Recording, Use)], band: Op
         Some(band) => return Err(InputError::Band { band, limit }),
         None => choose_band(&raws, recordings).min(0.5 * limit),
     };
-    let out = raws.into_iter().zip(recordings).map(|(raw, (r, used))| segment(robot, raw, r, *used, band)).collect();
+    let out = raws.into_iter().zip(recordings).map(|(raw, (r, used))| segment(raw, r, *used, band)).collect();
     Ok((out, band))
 }
 
@@ -89,7 +91,7 @@ fn raw(robot: &Robot, r: &Recording) -> Result<Raw, InputError> {
         return Err(too_short);
     }
     let grid = Grid::over(&r.time).filter(|g| g.n >= MIN_SAMPLES).ok_or(too_short)?;
-    let mut out = Raw { valid: vec![true; grid.n], grid, q: Vec::new(), tau: Vec::new(), dq: Vec::new() };
+    let mut out = Raw { valid: vec![true; grid.n], grid, q: Vec::new(), tau: Vec::new() };
     for &j in &model.actuators {
         let name = &model.joints[j].name;
         let offset: f64 = robot.chain(j, |law| matches!(law, Law::PositionOffset)).sum();
@@ -103,19 +105,17 @@ fn raw(robot: &Robot, r: &Recording) -> Result<Raw, InputError> {
         if let Some(q) = out.q.last_mut() {
             q.iter_mut().for_each(|q| *q += offset);
         }
-        out.dq.push(None);
     }
     Ok(out)
 }
 
-fn segment(robot: &Robot, raw: Raw, r: &Recording, used: Use, band: f64) -> Segment {
+fn segment(raw: Raw, r: &Recording, used: Use, band: f64) -> Segment {
     let dt = raw.grid.dt;
     // Wide enough to leave the band's derivatives alone, narrow enough to keep the direction of motion out of encoder noise.
     let smooth = LowPass::new(5.0 * band, dt);
     let q: Vec<Vec<f64>> = raw.q.iter().map(|q| smooth.apply(q)).collect();
     let v: Vec<Vec<f64>> = q.iter().map(|q| derivative(q, dt)).collect();
     let a = v.iter().map(|v| derivative(v, dt)).collect();
-    let _ = (&raw.dq, robot);
     Segment {
         name: r.name.clone(),
         samples: r.len(),
