@@ -197,9 +197,9 @@ impl Design {
         self.view(&self.nominal[softness][joint], self.chain[joint], (joint, segment), view)
     }
 
-    /// The model as given, chain as given: what nothing has been added to.
-    pub(crate) fn as_given_rows(&self, joint: usize, segment: usize, view: View) -> Vec<f64> {
-        self.view(&self.nominal[0][joint], self.given_chain[joint], (joint, segment), view)
+    /// The model as given, chain as given: what nothing has been added to. Directions are smoothed as in the model it is compared with.
+    pub(crate) fn as_given_rows(&self, softness: usize, joint: usize, segment: usize, view: View) -> Vec<f64> {
+        self.view(&self.nominal[softness][joint], self.given_chain[joint], (joint, segment), view)
     }
 
     /// Joints a column acts on.

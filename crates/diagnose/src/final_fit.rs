@@ -103,7 +103,7 @@ pub(crate) fn left_as_given(work: &Work, view: View) -> Vec<Vec<Vec<f64>>> {
     (0..d.n_joints)
         .map(|j| {
             (0..d.rows.len())
-                .map(|s| d.measured_rows(j, s, view).iter().zip(d.as_given_rows(j, s, view)).map(|(y, m)| y - m).collect())
+                .map(|s| d.measured_rows(j, s, view).iter().zip(d.as_given_rows(work.softness, j, s, view)).map(|(y, m)| y - m).collect())
                 .collect()
         })
         .collect()

@@ -33,6 +33,8 @@ pub(crate) fn search(work: &mut Work, band: f64, settings: &Settings, progress: 
     prune(work, band, settings);
     crate::confirm::confirm(work, band, settings);
     refine_chain(work, band);
+    // What is left after a drop may read differently: nothing impossible or superfluous goes into a verdict.
+    prune(work, band, settings);
     progress(0.95);
     Search { last: structure.into_iter().chain(ordinary).collect() }
 }

@@ -121,8 +121,8 @@ impl Dice<'_> {
         let size = self.share * self.motion.effort_rms(k);
         let values = match self.entry.name {
             "torque_constant" => vec![1.0 + self.random.sign() * self.random.uniform(0.08, 0.16)],
-            "time_delay" => vec![self.random.uniform(2e-3, 6e-3)],
-            "actuator_lag" => vec![self.random.uniform(3e-3, 10e-3)],
+            "time_delay" => vec![self.random.uniform(6e-3, 12e-3)],
+            "actuator_lag" => vec![self.random.uniform(8e-3, 16e-3)],
             _ => self.effort_values(k, j, size)?,
         };
         self.applied(j, values)
