@@ -8,10 +8,11 @@ use crate::design::ColumnId;
 use crate::final_fit::student_95;
 use crate::gram::Cross;
 use crate::screen::{self, Base};
+use crate::search::{drop_pick, is_possible, picked_error, refine_chain};
 use crate::settings::{ALIAS_SHARE, LOOK_ALIKE_SHARE, PRIORS, WEAK_ALIAS_SHARE};
 use crate::solve::Over;
 use crate::verdict::{EffectAt, LookAlike};
-use crate::work::{Candidate, Variant, Work};
+use crate::work::{Candidate, Pick, Variant, Work};
 
 /// Another candidate in a finding's place.
 #[derive(Debug, Clone)]
@@ -70,6 +71,41 @@ pub(crate) fn alternatives(work: &Work, index: usize) -> (Vec<EffectAt>, Vec<Loo
         rejected.push(LookAlike { effect: l.effect.to_string(), place, why_not, separating_experiment: l.experiment.to_string() });
     }
     (same, rejected)
+}
+
+/// A lag in the place of a delay, and the reverse: picks of the chain that cannot be told from it, by pick. Their columns are increments
+/// about the chain as it stands, so the other one is fitted with the chain taken out. `work` is left as it was.
+pub(crate) fn chain_rivals(work: &mut Work, band: f64) -> Vec<(usize, EffectAt)> {
+    let mut out = Vec::new();
+    let (picks, chain) = (work.picks.clone(), work.design.chain.clone());
+    for i in 0..picks.len() {
+        let own = picks[i].candidate;
+        if work.candidates[own].effect.family() != Family::Chain {
+            continue;
+        }
+        let scope = work.candidates[own].scope.clone();
+        let with = picked_error(work, &scope);
+        drop_pick(work, i, band);
+        let without = picked_error(work, &scope);
+        let other = (0..work.candidates.len())
+            .find(|&c| c != own && work.candidates[c].effect.family() == Family::Chain && work.candidates[c].scope == scope);
+        let softness = Some(work.softness);
+        let variant = other.and_then(|c| work.candidates[c].variants.iter().find(|v| v.softness == softness).cloned());
+        if let (Some(candidate), Some(variant)) = (other, variant) {
+            work.picks.push(Pick { candidate, variant, ..picks[i].clone() });
+            refine_chain(work, band);
+            let share = (without - picked_error(work, &scope)) / (without - with).max(f64::MIN_POSITIVE);
+            if share >= ALIAS_SHARE && is_possible(work, work.picks.len() - 1) {
+                let (effect, c) = (work.candidates[candidate].effect_name(), &work.candidates[own]);
+                let separating_experiment = experiment(c.effect_name(), effect);
+                out.push((i, EffectAt { effect: effect.to_string(), place: vec![c.name.clone()], separating_experiment }));
+            }
+        }
+        work.picks.clone_from(&picks);
+        work.design.chain.clone_from(&chain);
+        refine_chain(work, band);
+    }
+    out
 }
 
 /// Whether a candidate sits where the pick does, or acts there at all when it is of another kind of place.

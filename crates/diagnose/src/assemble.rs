@@ -4,7 +4,7 @@ use alloc::collections::BTreeMap;
 
 use pkm_dyn::{Model, math};
 
-use crate::alternatives::alternatives;
+use crate::alternatives::{alternatives, chain_rivals};
 use crate::columns::Family;
 use crate::contest::reading;
 use crate::design::View;
@@ -18,7 +18,7 @@ use crate::refine::{Parameters, container, refine};
 use crate::regimes;
 use crate::search::Search;
 use crate::settings::{PRIORS, Settings};
-use crate::verdict::{Estimate, Finding, Heldout, HeldoutJoint, SCHEMA, Status, Verdict};
+use crate::verdict::{EffectAt, Estimate, Finding, Heldout, HeldoutJoint, SCHEMA, Status, Verdict};
 use crate::work::Work;
 use crate::{gate, picture};
 
@@ -32,6 +32,8 @@ struct Final {
     parts: Vec<Left>,
     readings: Vec<Parameters>,
     estimates: Vec<BTreeMap<String, Estimate>>,
+    /// Lags that could be delays and delays that could be lags, by pick.
+    late: Vec<(usize, EffectAt)>,
 }
 
 /// Writes the verdict on the picks in `work`.
@@ -39,7 +41,9 @@ pub(crate) fn assemble(work: &mut Work, found: &Search, bare: &Model, band: f64,
     let nominal = left_as_given(work, View::Judge);
     let steps = rank(work, band);
     let order: Vec<usize> = steps.iter().filter_map(|s| s.pick).collect();
-    let fin = finish(work);
+    let late = chain_rivals(work, band);
+    let mut fin = finish(work);
+    fin.late = late;
     let findings = order.iter().enumerate().map(|(r, &pick)| finding(work, &fin, &steps, (r, pick), settings)).collect::<Vec<_>>();
     let refined = refine(work, bare, &fin.readings);
     let heldout = heldout(work, &nominal, &fin.left, band);
@@ -91,7 +95,7 @@ fn finish(work: &Work) -> Final {
         readings.push(values);
         estimates.push(map);
     }
-    Final { fit, left, parts, readings, estimates }
+    Final { fit, left, parts, readings, estimates, late: Vec::new() }
 }
 
 /// Parameters that are chosen from a list of shapes.
@@ -151,7 +155,9 @@ fn contribution(work: &Work, fit: &FinalFit, pick: usize) -> Left {
 fn finding(work: &Work, fin: &Final, steps: &[Step], (r, pick): (usize, usize), settings: &Settings) -> Finding {
     let p = &work.picks[pick];
     let c = &work.candidates[p.candidate];
-    let (same, look_alikes) = alternatives(work, pick);
+    let (mut same, mut look_alikes) = alternatives(work, pick);
+    same.extend(fin.late.iter().filter(|(p, _)| *p == pick).map(|(_, a)| a.clone()));
+    look_alikes.retain(|l| !same.iter().any(|s| s.effect == l.effect && s.place == l.place));
     let (regime, when) = regimes::of_pick(work, pick, &fin.parts[pick], &fin.left);
     let parameters = fin.estimates[pick].clone();
     let [before, after] = [steps[r].heldout, steps[r + 1].heldout];

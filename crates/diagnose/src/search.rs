@@ -226,13 +226,13 @@ fn fuller_bodies(work: &mut Work, settings: &Settings) {
     }
 }
 
-fn picked_error(work: &Work, scope: &[usize]) -> f64 {
+pub(crate) fn picked_error(work: &Work, scope: &[usize]) -> f64 {
     let cross = work.gram.cross(&work.design, &work.real_targets(&[work.softness]));
     let (columns, prior) = work.picked(None);
     Base::new(&work.gram, &cross, &columns, &prior).over(scope, 0)
 }
 
-fn is_possible(work: &Work, pick: usize) -> bool {
+pub(crate) fn is_possible(work: &Work, pick: usize) -> bool {
     let cross = work.gram.cross(&work.design, &work.real_targets(&[work.softness]));
     let (ids, prior) = work.picked(None);
     let theta = screen::fit(&work.gram, &cross, &ids, &prior, Over::All);
@@ -267,7 +267,7 @@ fn left_over(work: &Work, ground: &Ground) -> Vec<Vec<Vec<f64>>> {
     work.residual(&ground.columns, &theta, ground.softness, View::Fit)
 }
 
-fn refresh_chain(work: &mut Work, band: f64) {
+pub(crate) fn refresh_chain(work: &mut Work, band: f64) {
     let models: Vec<_> = grounds(work, work.kappa).into_iter().map(|g| (g.columns.clone(), fit_ground(work, &g), g.softness)).collect();
     work.refresh_chain(&without_chain(work, models), band);
 }
