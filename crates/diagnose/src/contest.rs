@@ -10,7 +10,7 @@ use crate::gram::{Cross, Targets};
 use crate::screen::{self, Base};
 use crate::settings::Settings;
 use crate::solve::Over;
-use crate::work::{Pick, Variant, Work};
+use crate::work::{Candidate, Pick, Variant, Work};
 
 /// A set of columns candidates are added to, at one softness.
 pub(crate) struct Ground {
@@ -131,34 +131,46 @@ impl Arena<'_> {
         let n_real = self.grounds.len();
         let best_base = &self.bases[self.best_ground];
         let own_error = best_base.over(&c.scope, self.best_ground).max(f64::MIN_POSITIVE);
-        let mut trials: Vec<Trial> = Vec::new();
+        let shapes: Vec<(&Variant, usize)> = c
+            .variants
+            .iter()
+            .flat_map(|v| (0..n_real).map(move |i| (v, i)))
+            .filter(|(v, i)| v.softness.map_or(*i == self.best_ground, |w| w == self.grounds[*i].softness))
+            .collect();
+        // Some candidates have a hundred shapes and most have three: shapes, not candidates, are what the cores share.
+        let tried: Vec<(Trial, Vec<f64>)> = shapes.par_iter().filter_map(|(v, i)| self.attempt(c, v, *i, own_error)).collect();
         let mut null = vec![f64::NEG_INFINITY; self.null_best.len()];
-        for variant in &c.variants {
-            for (i, ground) in self.grounds.iter().enumerate() {
-                let fits = variant.softness.map_or(i == self.best_ground, |w| w == ground.softness);
-                let (own, prior) = own_columns(self.work, variant, &ground.columns);
-                if !fits || own.is_empty() {
-                    continue;
-                }
-                let base = &self.bases[i];
-                let g = screen::gains(&self.work.gram, self.cross, base, &own, &prior, &c.scope);
-                let sum = |parts: &[Vec<f64>], t: usize| parts.iter().map(|f| f[t]).sum::<f64>();
-                for (b, n) in null.iter_mut().enumerate() {
-                    let (t, of) = (n_real + b, &self.bases[self.null_best[b]]);
-                    let error = of.over(&c.scope, t);
-                    *n = n.max((error - base.over(&c.scope, t) + sum(&g.scope, t)) / error.max(f64::MIN_POSITIVE));
-                }
-                let taken = best_base.total(self.best_ground) - base.total(i) + sum(&g.all, i);
-                let wins = (0..g.all.len()).filter(|&f| fold_taken(self.bases, self.best_ground, i, f) + g.all[f][i] > 0.0).count();
-                let scope_taken = own_error - base.over(&c.scope, i) + sum(&g.scope, i);
-                let (gain, size) = (scope_taken / own_error, self.work.of_effort(scope_taken, &c.scope));
-                trials.push(Trial { variant: variant.clone(), ground: i, taken, gain, size, wins });
-            }
+        let mut trials = Vec::with_capacity(tried.len());
+        for (trial, gains) in tried {
+            null.iter_mut().zip(gains).for_each(|(n, g)| *n = n.max(g));
+            trials.push(trial);
         }
         trials.sort_by(|a, b| b.taken.total_cmp(&a.taken));
         prefer_simple(&mut trials);
         let mut trials = trials.into_iter();
         trials.next().map(|best| (Score::of(candidate, best, trials.take(MAX_OTHERS).collect()), null))
+    }
+
+    /// One shape on one ground: its numbers on the recording and its gain in every null run.
+    fn attempt(&self, c: &Candidate, variant: &Variant, i: usize, own_error: f64) -> Option<(Trial, Vec<f64>)> {
+        let (own, prior) = own_columns(self.work, variant, &self.grounds[i].columns);
+        if own.is_empty() {
+            return None;
+        }
+        let (base, best_base, n_real) = (&self.bases[i], &self.bases[self.best_ground], self.grounds.len());
+        let g = screen::gains(&self.work.gram, self.cross, base, &own, &prior, &c.scope);
+        let sum = |parts: &[Vec<f64>], t: usize| parts.iter().map(|f| f[t]).sum::<f64>();
+        let null = |b: usize| {
+            let t = n_real + b;
+            let error = self.bases[self.null_best[b]].over(&c.scope, t);
+            (error - base.over(&c.scope, t) + sum(&g.scope, t)) / error.max(f64::MIN_POSITIVE)
+        };
+        let nulls = (0..self.null_best.len()).map(null).collect();
+        let taken = best_base.total(self.best_ground) - base.total(i) + sum(&g.all, i);
+        let wins = (0..g.all.len()).filter(|&f| fold_taken(self.bases, self.best_ground, i, f) + g.all[f][i] > 0.0).count();
+        let scope_taken = own_error - base.over(&c.scope, i) + sum(&g.scope, i);
+        let (gain, size) = (scope_taken / own_error, self.work.of_effort(scope_taken, &c.scope));
+        Some((Trial { variant: variant.clone(), ground: i, taken, gain, size, wins }, nulls))
     }
 }
 

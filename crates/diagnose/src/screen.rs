@@ -116,7 +116,8 @@ pub(crate) fn gains(gram: &Gram, cross: &Cross, base: &Base, columns: &[ColumnId
         };
         let all = judge(Over::Only(f), &fold.parts[0]);
         out.scope.push(match scope {
-            [j] => judge(Over::OnlyJoint(f, *j), &fold.parts[1 + j]),
+            // With one joint in all, its rows are all rows.
+            [j] if gram.active.len() > 1 => judge(Over::OnlyJoint(f, *j), &fold.parts[1 + j]),
             _ => all.clone(),
         });
         out.all.push(all);

@@ -103,11 +103,6 @@ pub fn advanced(x: &[f64], shift: f64, dt: f64) -> Vec<f64> {
     let steps = shift / dt;
     let whole = steps.floor();
     let u = steps - whole;
-    let at = |i: f64| {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the signal's indices")]
-        let k = i.clamp(0.0, (n.max(1) - 1) as f64) as usize;
-        x.get(k).copied().unwrap_or(0.0)
-    };
     // Lagrange weights of the four neighbours.
     let w = [
         -u * (u - 1.0) * (u - 2.0) / 6.0,
@@ -115,12 +110,15 @@ pub fn advanced(x: &[f64], shift: f64, dt: f64) -> Vec<f64> {
         -(u + 1.0) * u * (u - 2.0) / 2.0,
         (u + 1.0) * u * (u - 1.0) / 6.0,
     ];
-    (0..n)
-        .map(|i| {
-            let base = i as f64 + whole;
-            w[0] * at(base - 1.0) + w[1] * at(base) + w[2] * at(base + 1.0) + w[3] * at(base + 2.0)
-        })
-        .collect()
+    // The ends are held once, so that the inner loop needs no clamping.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the signal's length")]
+    let (ahead, behind) = (whole.clamp(0.0, n as f64) as usize, (-whole).clamp(0.0, n as f64) as usize);
+    let (Some(&first), Some(&last)) = (x.first(), x.last()) else { return Vec::new() };
+    let mut held = Vec::with_capacity(n + ahead + behind + 3);
+    held.resize(behind + 1, first);
+    held.extend_from_slice(x);
+    held.resize(n + ahead + behind + 3, last);
+    held[ahead..].windows(4).take(n).map(|h| w[0] * h[0] + w[1] * h[1] + w[2] * h[2] + w[3] * h[3]).collect()
 }
 
 #[cfg(test)]
