@@ -39,11 +39,15 @@ struct Final {
 /// Writes the verdict on the picks in `work`.
 pub(crate) fn assemble(work: &mut Work, found: &Search, bare: &Model, band: f64, settings: &Settings) -> Diagnosis {
     let nominal = left_as_given(work, View::Judge);
-    let steps = rank(work, band);
+    let mut steps = rank(work, band);
     let order: Vec<usize> = steps.iter().filter_map(|s| s.pick).collect();
     let late = chain_rivals(work, band);
     let mut fin = finish(work);
     fin.late = late;
+    // The chain was iterated since: the last step is the final model itself.
+    if let Some(last) = steps.last_mut().filter(|s| s.pick.is_some()) {
+        last.heldout = pooled(&errors(work, &fin.left));
+    }
     let findings = order.iter().enumerate().map(|(r, &pick)| finding(work, &fin, &steps, (r, pick), settings)).collect::<Vec<_>>();
     let refined = refine(work, bare, &fin.readings);
     let heldout = heldout(work, &nominal, &fin.left, band);
