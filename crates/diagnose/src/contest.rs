@@ -241,7 +241,7 @@ pub(crate) fn surrogates(work: &Work, left: &[Vec<Vec<f64>>], settings: &Setting
 /// The first candidate, best first, that is real, worth having and physical; the reasons of those before it are noted.
 pub(crate) fn decide(work: &Work, contest: &mut Contest, grounds: &[Ground], settings: &Settings) -> Option<Pick> {
     let threshold = contest.threshold(settings.search_level);
-    let n_folds = work.design.n_folds;
+    let n_folds = work.gram.n_filled();
     let needed = (3 * n_folds).div_ceil(4);
     for s in &mut contest.scores {
         loop {

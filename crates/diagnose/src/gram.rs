@@ -66,6 +66,11 @@ impl Gram {
         Self { n_folds: design.n_folds, active, local, xx, xx_all, scale, stacks }
     }
 
+    /// Number of fitted folds that hold any row: a gap may empty one.
+    pub(crate) fn n_filled(&self) -> usize {
+        self.stacks[..self.n_folds].iter().filter(|joints| joints.iter().any(|s| !s.at.is_empty())).count()
+    }
+
     /// Products with `targets`.
     pub(crate) fn cross(&self, design: &Design, targets: &Targets) -> Cross {
         let mut xy = Vec::new();
