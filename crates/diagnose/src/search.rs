@@ -267,7 +267,7 @@ fn left_over(work: &Work, ground: &Ground) -> Vec<Vec<Vec<f64>>> {
     work.residual(&ground.columns, &theta, ground.softness, View::Fit)
 }
 
-pub(crate) fn refresh_chain(work: &mut Work, band: f64) {
+fn refresh_chain(work: &mut Work, band: f64) {
     let models: Vec<_> = grounds(work, work.kappa).into_iter().map(|g| (g.columns.clone(), fit_ground(work, &g), g.softness)).collect();
     work.refresh_chain(&without_chain(work, models), band);
 }
