@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 
 use nalgebra::Vector3;
 
-use super::{Coupling, FrameOnBody, Joint, JointKind, Limits, Link, LoopClosure, Model, Sensor, SensorKind};
+use super::{Compound, Coupling, FrameOnBody, Joint, JointKind, Limits, Link, LoopClosure, Model, Part, Principal, Sensor, SensorKind};
 use crate::parameters::InertialParameters;
 use crate::spatial::Pose;
 
@@ -61,12 +61,22 @@ pub enum BuildError {
     },
 }
 
+/// What a joint in a robot's file lets its child do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Freedom {
+    /// Nothing.
+    Fixed,
+    /// One coordinate.
+    One(JointKind),
+    /// Several coordinates.
+    Several(Compound),
+}
+
 /// A joint before the tree is ordered.
 #[derive(Debug, Clone)]
 pub(crate) struct JointPart {
     pub(crate) name: String,
-    /// `None` for a fixed joint.
-    pub(crate) kind: Option<JointKind>,
+    pub(crate) freedom: Freedom,
     pub(crate) parent: String,
     pub(crate) child: String,
     pub(crate) placement: Pose,
@@ -105,9 +115,27 @@ impl ModelBuilder {
 
     /// Adds a joint along or about the unit `axis`; `placement` is its frame in the parent link.
     pub fn moving_joint(&mut self, name: &str, kind: JointKind, ends: (&str, &str), placement: Pose, axis: Vector3<f64>) -> &mut Self {
+        self.part(name, Freedom::One(kind), ends, placement, axis)
+    }
+
+    /// Adds a joint with several coordinates; `placement` is its frame in the parent link. A planar joint's normal is the frame's z.
+    pub fn compound_joint(&mut self, name: &str, compound: Compound, ends: (&str, &str), placement: Pose) -> &mut Self {
+        self.part(name, Freedom::Several(compound), ends, placement, Vector3::z())
+    }
+
+    /// Adds a universal joint: turns about the unit `axes` one after the other, `<name>.1` and `<name>.2`, through a massless cross of
+    /// that name. `placement` is its frame in the parent link.
+    #[doc(alias = "JointModelUniversal")]
+    pub fn universal_joint(&mut self, name: &str, ends: (&str, &str), placement: Pose, axes: [Vector3<f64>; 2]) -> &mut Self {
+        self.link(name, InertialParameters::default());
+        self.part(&alloc::format!("{name}.1"), Freedom::One(JointKind::Revolute), (ends.0, name), placement, axes[0]);
+        self.part(&alloc::format!("{name}.2"), Freedom::One(JointKind::Revolute), (name, ends.1), Pose::identity(), axes[1])
+    }
+
+    fn part(&mut self, name: &str, freedom: Freedom, ends: (&str, &str), placement: Pose, axis: Vector3<f64>) -> &mut Self {
         self.joint(JointPart {
             name: name.to_string(),
-            kind: Some(kind),
+            freedom,
             parent: ends.0.to_string(),
             child: ends.1.to_string(),
             placement,
@@ -184,7 +212,7 @@ impl ModelBuilder {
                 return bad("origin", f64::NAN, "", "must be finite");
             }
             let length = crate::math::sqrt(j.axis.dot(&j.axis));
-            if j.kind.is_some() && !(length.is_finite() && length > 1e-6) {
+            if j.freedom != Freedom::Fixed && !(length.is_finite() && length > 1e-6) {
                 return bad("axis length", length, "", "must be finite and > 0");
             }
             for (what, value) in [("damping", j.viscous), ("friction", j.coulomb)] {
@@ -221,14 +249,7 @@ impl ModelBuilder {
         while let Some((name, via, parent, parent_pose)) = stack.pop() {
             let (body, pose) = match via {
                 None => (parent, parent_pose),
-                Some(j) => match j.kind {
-                    None => (parent, parent_pose.compose(&j.placement)),
-                    Some(kind) => {
-                        model.joints.push(j.to_joint(kind, parent, parent_pose.compose(&j.placement)));
-                        model.bodies.push(InertialParameters::default());
-                        (Some(model.joints.len() - 1), Pose::identity())
-                    }
-                },
+                Some(j) => j.put_on(model, parent, parent_pose.compose(&j.placement)),
             };
             let parameters = self.links.iter().find(|(n, _)| n == name).map(|(_, p)| *p).unwrap_or_default();
             model.links.push(Link { name: name.to_string(), body, pose, parameters });
@@ -242,19 +263,61 @@ impl ModelBuilder {
 }
 
 impl JointPart {
-    fn to_joint(&self, kind: JointKind, parent: Option<usize>, placement: Pose) -> Joint {
+    /// Adds the joint's coordinates to the tree; the body that carries its child link, and the link's pose in it.
+    fn put_on(&self, model: &mut Model, parent: Option<usize>, placement: Pose) -> (Option<usize>, Pose) {
+        let mut add = |joint: Joint| {
+            model.joints.push(joint);
+            model.bodies.push(InertialParameters::default());
+            Some(model.joints.len() - 1)
+        };
+        let axis = self.axis / crate::math::sqrt(self.axis.dot(&self.axis));
+        match self.freedom {
+            Freedom::Fixed => (parent, placement),
+            Freedom::One(kind) => {
+                (add(self.coordinate(self.name.clone(), (kind, axis), Part::Whole, (parent, placement))), Pose::identity())
+            }
+            Freedom::Several(compound) => {
+                // A plane may lie any way: its normal is z of a frame of its own, in which the child is turned back.
+                let turn = if compound == Compound::Planar { z_to(&axis) } else { Pose::identity() };
+                let mut at = (parent, placement.compose(&turn));
+                for (k, name) in compound.coordinates().iter().enumerate() {
+                    let part = match k {
+                        0 => Part::First(compound),
+                        _ if k + 1 == compound.n() => Part::Last,
+                        _ => Part::Inner,
+                    };
+                    let name = alloc::format!("{}.{name}", self.name);
+                    at = (add(self.coordinate(name, compound.coordinate(k), part, at)), Pose::identity());
+                }
+                (at.0, turn.inverse())
+            }
+        }
+    }
+
+    fn coordinate(&self, name: String, (kind, axis): (JointKind, Vector3<f64>), part: Part, at: (Option<usize>, Pose)) -> Joint {
         Joint {
-            name: self.name.clone(),
+            name,
             kind,
-            axis: self.axis / crate::math::sqrt(self.axis.dot(&self.axis)),
-            placement,
-            parent,
-            limits: self.limits,
+            part,
+            axis,
+            placement: at.1,
+            parent: at.0,
+            // Limits of a joint with several coordinates mean none of them in particular.
+            limits: if part == Part::Whole { self.limits } else { Limits::default() },
             viscous: self.viscous,
             coulomb: self.coulomb,
             armature: 0.0,
+            principal: Principal::of(&axis),
         }
     }
+}
+
+/// The frame, at the same origin, whose z is `axis`, by the shortest turn.
+fn z_to(axis: &Vector3<f64>) -> Pose {
+    let across = Vector3::z().cross(axis);
+    let sine = crate::math::sqrt(across.dot(&across));
+    let about = if sine > 1e-12 { across / sine } else { Vector3::x() };
+    Pose { rotation: crate::spatial::rotation_about(&about, crate::math::atan2(sine, axis.z)), translation: Vector3::zeros() }
 }
 
 impl Model {
@@ -285,6 +348,11 @@ impl Model {
         Ok(())
     }
 
+    /// Refuses a coordinate that is one of several of a joint: it has no meaning alone.
+    fn must_be_whole(&self, j: usize, detail: &'static str) -> Result<(), BuildError> {
+        if self.joints[j].is_whole() { Ok(()) } else { Err(BuildError::Joint { joint: self.joints[j].name.clone(), detail }) }
+    }
+
     /// Adds a coupling by joint names.
     ///
     /// # Errors
@@ -295,9 +363,12 @@ impl Model {
         if self.couplings.iter().any(|c| c.joint == follower) {
             return Err(BuildError::Duplicate { kind: "coupling", name: joint.to_string() });
         }
+        let alone = "a coordinate of a joint with several cannot be coupled";
+        self.must_be_whole(follower, alone)?;
         let mut leaders = Vec::new();
         for (name, ratio) in of {
             let leader = self.joint_named(&at, name)?;
+            self.must_be_whole(leader, alone)?;
             if leader == follower {
                 return Err(BuildError::Joint { joint: joint.to_string(), detail: "a coupling cannot make a joint follow itself" });
             }
@@ -319,6 +390,10 @@ impl Model {
     /// Unknown joint, second drive on a joint, or a rotor inertia that is negative or not finite.
     pub fn add_actuator(&mut self, joint: &str, rotor_inertia: f64) -> Result<(), BuildError> {
         let j = self.joint_named("actuator", joint)?;
+        self.must_be_whole(
+            j,
+            "a coordinate of a joint with several cannot be driven; write the joint as joints of one coordinate in series",
+        )?;
         if self.actuators.contains(&j) {
             return Err(BuildError::Duplicate { kind: "actuator", name: joint.to_string() });
         }

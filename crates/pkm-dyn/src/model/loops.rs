@@ -34,7 +34,20 @@ impl LoopClosure {
     /// Number of scalar constraints.
     #[must_use]
     pub fn n_rows(&self) -> usize {
-        self.constrain.iter().filter(|&&c| c).count()
+        self.rows().count()
+    }
+
+    /// The forbidden motions, as indices into [`AXES`].
+    #[inline]
+    pub fn rows(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..6).filter(|&k| self.constrain[k])
+    }
+
+    /// Whether any rotation is forbidden.
+    #[must_use]
+    #[inline]
+    pub fn forbids_turns(&self) -> bool {
+        self.constrain[3] || self.constrain[4] || self.constrain[5]
     }
 }
 

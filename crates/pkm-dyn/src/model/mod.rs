@@ -4,10 +4,11 @@ mod builder;
 mod joint;
 mod loops;
 
-#[cfg(feature = "urdf")]
-pub(crate) use builder::JointPart;
 pub use builder::{BuildError, ModelBuilder};
-pub use joint::{Joint, JointKind, Limits};
+#[cfg(feature = "urdf")]
+pub(crate) use builder::{Freedom, JointPart};
+pub(crate) use joint::Principal;
+pub use joint::{Compound, Joint, JointKind, Limits, Part};
 pub use loops::{AXES, Coupling, FrameOnBody, LoopClosure};
 
 use alloc::string::String;

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use urdf_rs::JointType;
 
-use crate::model::{BuildError, JointKind, Limits, Model, ModelBuilder};
+use crate::model::{BuildError, Compound, Freedom, JointKind, Limits, Model, ModelBuilder};
 use crate::parameters::InertialParameters;
 use crate::spatial::Pose;
 
@@ -125,16 +125,13 @@ fn pose(origin: &urdf_rs::Pose) -> Pose {
 }
 
 fn joint_part(joint: &urdf_rs::Joint) -> Result<crate::model::JointPart, TreeError> {
-    let kind = match joint.joint_type {
-        JointType::Revolute | JointType::Continuous => Some(JointKind::Revolute),
-        JointType::Prismatic => Some(JointKind::Prismatic),
-        JointType::Fixed => None,
-        _ => {
-            return Err(TreeError::Text(format!(
-                "joint {:?}: type {:?} is not read; write it as revolute and prismatic joints in series through links without <inertial>",
-                joint.name, joint.joint_type
-            )));
-        }
+    let freedom = match joint.joint_type {
+        JointType::Revolute | JointType::Continuous => Freedom::One(JointKind::Revolute),
+        JointType::Prismatic => Freedom::One(JointKind::Prismatic),
+        JointType::Fixed => Freedom::Fixed,
+        JointType::Spherical => Freedom::Several(Compound::Spherical),
+        JointType::Planar => Freedom::Several(Compound::Planar),
+        JointType::Floating => Freedom::Several(Compound::Free),
     };
     let mut limits = Limits::default();
     // URDF demands limits for revolute and prismatic joints; all zero means that none were written.
@@ -146,7 +143,7 @@ fn joint_part(joint: &urdf_rs::Joint) -> Result<crate::model::JointPart, TreeErr
     let dynamics = joint.dynamics.as_ref();
     Ok(crate::model::JointPart {
         name: joint.name.clone(),
-        kind,
+        freedom,
         parent: joint.parent.link.clone(),
         child: joint.child.link.clone(),
         placement: pose(&joint.origin),
