@@ -7,9 +7,9 @@ use core::ops::Range;
 
 use std::path::Path;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{DVector, Matrix3, Vector3};
 use pkm_dyn::loops::{assemble, loop_gap};
-use pkm_dyn::model::{FrameOnBody, JointKind, LoopClosure, ModelBuilder};
+use pkm_dyn::model::{Compound, FrameOnBody, JointKind, LoopClosure, ModelBuilder};
 use pkm_dyn::spatial::Pose;
 use pkm_dyn::{Data, InertialParameters, Model, elimination::Elimination, kinematics, math};
 
@@ -106,6 +106,41 @@ fn bare_tree(n: usize, draw: &mut Draw) -> Model {
         builder.moving_joint(&format!("j{k}"), draw.kind(), (&parent, &child), draw.pose(0.5), draw.direction());
     }
     builder.build().expect("a drawn tree is a tree")
+}
+
+/// A tree of `n` joints of every kind (balls, planes, flying bodies and universal joints among them), with rotors on joints of one
+/// coordinate.
+///
+/// # Panics
+/// Never: the names are unique.
+#[must_use]
+pub fn drawn_mixed_tree(n: usize, draw: &mut Draw) -> Model {
+    let mut builder = ModelBuilder::new("mixed", [draw.uniform(-3.0..3.0), draw.uniform(-3.0..3.0), -9.81]);
+    builder.link("base", InertialParameters::default());
+    for k in 0..n {
+        let parent = if draw.choice(2) == 0 { k } else { draw.choice(k + 1) };
+        let parent = if parent == 0 { "base".to_string() } else { format!("l{}", parent - 1) };
+        let (name, child, placement) = (format!("j{k}"), format!("l{k}"), draw.pose(0.5));
+        builder.link(&child, draw.body());
+        match draw.choice(6) {
+            0 => builder.compound_joint(&name, Compound::Spherical, (&parent, &child), placement),
+            1 => builder.compound_joint(&name, Compound::Planar, (&parent, &child), placement),
+            2 => builder.compound_joint(&name, Compound::Free, (&parent, &child), placement),
+            3 => builder.universal_joint(&name, (&parent, &child), placement, [draw.direction(), draw.direction()]),
+            _ => builder.moving_joint(&name, draw.kind(), (&parent, &child), placement, draw.direction()),
+        };
+    }
+    let mut model = builder.build().expect("a drawn tree is a tree");
+    for joint in model.joints.iter_mut().filter(|j| j.is_whole()) {
+        joint.armature = draw.uniform(0.0..0.3);
+    }
+    model
+}
+
+/// The inertial parameters of all bodies, one under the other.
+#[must_use]
+pub fn parameters(model: &Model) -> DVector<f64> {
+    DVector::from_iterator(10 * model.nv(), model.bodies.iter().flat_map(|b| b.to_vector().iter().copied().collect::<Vec<_>>()))
 }
 
 /// Which loop mechanism to draw.

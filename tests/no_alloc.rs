@@ -6,12 +6,20 @@ use core::cell::Cell;
 use core::hint::black_box;
 use std::alloc::System;
 
-use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, inverse_dynamics, rigid_effort};
-use pkm_dyn::loops::{assemble, loop_drift, loop_gap, reduction};
-use pkm_dyn::regressor::joint_torque_regressor;
-use pkm_dyn::rnea::rnea;
+use pkm_dyn::aba::aba;
+use pkm_dyn::configuration::{difference, integrate};
+use pkm_dyn::constrained::{forward_dynamics, project, reduced_mass_matrix};
+use pkm_dyn::crba::crba;
+use pkm_dyn::energy::{center_of_mass, kinetic_energy, potential_energy};
+use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, friction_regressor, inverse_dynamics, loop_efforts, rigid_effort};
+use pkm_dyn::jacobian::{Reference, frame_jacobian, frame_jacobian_time_variation, joint_jacobians, motion_of};
+use pkm_dyn::loops::{assemble, internal_efforts, joint_wrenches, loop_drift, loop_gap, loop_wrench, reduction};
+use pkm_dyn::model::FrameOnBody;
+use pkm_dyn::regressor::{joint_torque_regressor, kinetic_energy_regressor, potential_energy_regressor};
+use pkm_dyn::rnea::{generalized_gravity, nle, rnea};
+use pkm_dyn::spatial::Pose;
 use pkm_dyn::{Data, Model};
-use pkm_tests::{Draw, Motion, SHAPES, drawn_loops, drawn_tree};
+use pkm_tests::{Draw, Motion, SHAPES, drawn_loops, drawn_mixed_tree, drawn_tree};
 
 struct Counting;
 
@@ -74,6 +82,65 @@ fn tree_algorithms_allocate_nothing() {
         black_box(actuated_regressor(&model, &mut data));
     });
     assert_eq!(count, 0);
+}
+
+#[test]
+fn dynamics_of_trees_with_joints_of_every_kind_allocate_nothing() {
+    let mut draw = Draw::new(5);
+    let model = drawn_mixed_tree(6, &mut draw);
+    let n = model.nv();
+    let (mut q, v, a) = (draw.vector(n, -1.0..1.0), draw.vector(n, -1.0..1.0), draw.vector(n, -1.0..1.0));
+    let mut data = Data::new(&model);
+    let (mut row, mut step) = (vec![0.0; 10 * n], vec![0.0; n]);
+    let frame = FrameOnBody { body: Some(n - 1), pose: Pose::identity() };
+    let count = allocations(|| {
+        black_box(aba(&model, &mut data, &q, &v, &a));
+        black_box(crba(&model, &mut data, &q));
+        black_box(nle(&model, &mut data, &q, &v));
+        black_box(generalized_gravity(&model, &mut data, &q));
+        black_box(joint_jacobians(&model, &mut data, &q));
+        motion_of(&model, &mut data, &q, &v);
+        for reference in [Reference::World, Reference::Local, Reference::LocalWorldAligned] {
+            black_box(frame_jacobian(&model, &mut data, &frame, reference));
+            black_box(frame_jacobian_time_variation(&model, &mut data, &frame, reference));
+        }
+        black_box(kinetic_energy(&model, &mut data, &q, &v) + potential_energy(&model, &mut data, &q));
+        black_box(center_of_mass(&model, &mut data, &q));
+        kinetic_energy_regressor(&model, &mut data, &q, &v, &mut row);
+        potential_energy_regressor(&model, &mut data, &q, &mut row);
+        let before = data.v.as_slice();
+        difference(&model, &q, before, &mut step);
+        integrate(&model, &mut q, &step);
+    });
+    assert_eq!(count, 0);
+}
+
+#[test]
+fn closed_loop_dynamics_allocate_nothing_with_as_many_drives_as_freedoms_or_more() {
+    for (seed, shape) in SHAPES.into_iter().enumerate() {
+        let mut draw = Draw::new(60 + seed as u64);
+        let mut model = drawn_loops(shape, &mut draw);
+        for round in 0..2 {
+            let mut data = Data::new(&model);
+            assert!(assemble(&model, &mut data).is_closed);
+            let (mut q, mut v, tau) = (data.q.clone(), vec![0.1; model.nv()], vec![1.0; model.nv()]);
+            let count = allocations(|| {
+                black_box(reduced_mass_matrix(&model, &mut data));
+                let _ = black_box(project(&model, &mut data, &mut q, &mut v));
+                let _ = black_box(forward_dynamics(&model, &mut data, &q, &v, &tau));
+                rigid_effort(&model, &mut data);
+                black_box(loop_efforts(&model, &mut data));
+                black_box(loop_wrench(&model, &data, 0));
+                black_box(joint_wrenches(&model, &mut data));
+                black_box(friction_regressor(&model, &mut data));
+                black_box(internal_efforts(&model, &mut data));
+            });
+            assert_eq!(count, 0, "{shape:?} {round}");
+            // Once more with a drive too many.
+            let passive = model.joints[model.passive()[0]].name.clone();
+            model.add_actuator(&passive, 0.0).expect("it is passive");
+        }
+    }
 }
 
 fn along_a_motion(model: &Model, draw: &mut Draw) -> usize {

@@ -136,9 +136,17 @@ fn links_that_are_no_tree_are_refused() {
 }
 
 #[test]
-fn joints_of_many_coordinates_are_refused_with_advice() {
-    for kind in ["planar", "floating", "spherical"] {
-        check_urdf("type=\"continuous\"", &format!("type=\"{kind}\""), &["coupler_hinge", "series"]);
+fn joints_of_several_coordinates_are_read_and_cannot_be_driven_or_coupled_alone() {
+    for (kind, coordinates) in [("planar", 3), ("floating", 6), ("spherical", 3)] {
+        let urdf = URDF.replace("type=\"continuous\"", &format!("type=\"{kind}\""));
+        let model = parse(TOML, &urdf, ["robot.toml", "robot.urdf"]).expect("it reads").bare;
+        assert_eq!(model.nv(), 2 + coordinates);
+        let driven = format!("{TOML}\n[[actuator]]\njoint = \"coupler_hinge.rz\"\n");
+        let line = refusal(&driven, &urdf);
+        assert!(line.contains("coupler_hinge.rz") && line.contains("series"), "{line}");
+        let coupled = format!("{TOML}\n[[coupling]]\njoint = \"rocker_hinge\"\nof = {{ \"coupler_hinge.rz\" = 1.0 }}\n");
+        let line = refusal(&coupled, &urdf);
+        assert!(line.contains("coupler_hinge.rz") && line.contains("coupled"), "{line}");
     }
     check_urdf("type=\"continuous\"", "type=\"bendy\"", &["bendy"]);
 }

@@ -73,7 +73,7 @@ pub(crate) fn motion(robot: &Robot, segment: Segment) -> Result<Motion, InputErr
     let links = model.massive_links();
     let data = Data::new(&model);
     let zeros = || vec![vec![0.0; n]; na];
-    let passive = data.passive.iter().map(|_| Passive { v: vec![0.0; n], g: zeros() }).collect();
+    let passive = data.dependent.iter().map(|_| Passive { v: vec![0.0; n], g: zeros() }).collect();
     let out = Motion {
         rigid: zeros(),
         link_columns: vec![zeros(); links.len() * N_INERTIAL],
@@ -155,7 +155,7 @@ impl Pass<'_> {
         for k in 0..na {
             self.out.rigid[k][i] = self.data.tau_act[k];
         }
-        for (p, &j) in self.data.passive.iter().enumerate() {
+        for (p, &j) in self.data.dependent.iter().enumerate() {
             self.out.passive[p].v[i] = self.data.v[j];
             for k in 0..na {
                 self.out.passive[p].g[k][i] = self.data.reduction[(j, k)];
@@ -219,7 +219,7 @@ impl Pass<'_> {
                         load: self.out.rigid[k][i],
                     };
                     let mut sum = self.out.rigid[k][i] + self.robot.joint_effort(j, &state);
-                    for (p, passive) in self.data.passive.iter().zip(&self.out.passive) {
+                    for (p, passive) in self.data.dependent.iter().zip(&self.out.passive) {
                         let state = JointState { v: passive.v[i], sign: soft_sign(passive.v[i], width[*p]), ..JointState::default() };
                         sum += passive.g[k][i] * self.robot.joint_effort(*p, &state);
                     }

@@ -6,7 +6,10 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// Factors `A` (m × n) and solves `A·X = B` for consistent systems of full column rank.
+/// Factors `A` (m × n) and solves `A·X = B` for consistent systems, and `Aᵀ·Y = C`.
+///
+/// The order of pivots is kept from one factoring to the next while every pivot stays near the size it had when the order was chosen:
+/// along a motion the search for pivots would be most of the work.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Elimination {
     rows: usize,
@@ -14,6 +17,8 @@ pub struct Elimination {
     lu: Vec<f64>,
     row_order: Vec<usize>,
     col_order: Vec<usize>,
+    /// Pivots when the order was chosen; empty when there is no order to keep.
+    chosen: Vec<f64>,
     rank: usize,
     smallest_pivot_ratio: f64,
     scratch: Vec<f64>,
@@ -22,6 +27,9 @@ pub struct Elimination {
 /// Pivots below this share of the largest entry count as zero: far above rounding (1e-16) and far below any pivot of a
 /// mechanism away from a singularity.
 pub const RANK_TOLERANCE: f64 = 1e-9;
+
+/// A pivot that has shrunk below this share of its first size calls for a new order. Multipliers stay below ten or so.
+const KEPT_SHARE: f64 = 0.3;
 
 impl Elimination {
     /// Scratch for matrices of `rows` × `cols`.
@@ -33,14 +41,53 @@ impl Elimination {
             lu: vec![0.0; rows * cols],
             row_order: (0..rows).collect(),
             col_order: (0..cols).collect(),
+            chosen: Vec::with_capacity(rows.min(cols)),
             rank: 0,
             smallest_pivot_ratio: 0.0,
             scratch: vec![0.0; rows.max(cols)],
         }
     }
 
+    /// Forgets the order of pivots: what follows then depends on nothing that was before.
+    pub fn forget(&mut self) {
+        self.chosen.clear();
+    }
+
     /// Factors the matrix whose entry (i, j) is `entry(i, j)`.
     pub fn factor(&mut self, entry: impl Fn(usize, usize) -> f64) {
+        if !self.factor_in_kept_order(&entry) {
+            self.factor_in_new_order(&entry);
+        }
+    }
+
+    fn factor_in_kept_order(&mut self, entry: &impl Fn(usize, usize) -> f64) -> bool {
+        // With columns left over, a rank that grows again would go unseen.
+        if self.chosen.len() < self.cols || self.rank < self.cols {
+            return false;
+        }
+        let n = self.cols;
+        let mut largest = 0.0_f64;
+        for (row, &i) in self.lu.chunks_exact_mut(n.max(1)).zip(&self.row_order) {
+            for (x, &j) in row.iter_mut().zip(&self.col_order) {
+                *x = entry(i, j);
+                largest = largest.max(x.abs());
+            }
+        }
+        let mut smallest = f64::INFINITY;
+        for k in 0..self.rank {
+            let pivot = self.lu[k * n + k].abs();
+            let is_sound = pivot >= KEPT_SHARE * self.chosen[k];
+            if !is_sound {
+                return false;
+            }
+            smallest = smallest.min(pivot);
+            self.eliminate(k);
+        }
+        self.smallest_pivot_ratio = if self.rank > 0 { smallest / largest } else { 0.0 };
+        true
+    }
+
+    fn factor_in_new_order(&mut self, entry: &impl Fn(usize, usize) -> f64) {
         let (m, n) = (self.rows, self.cols);
         for i in 0..m {
             self.row_order[i] = i;
@@ -54,6 +101,7 @@ impl Elimination {
         let largest = self.lu.iter().fold(0.0_f64, |top, x| top.max(x.abs()));
         self.rank = 0;
         self.smallest_pivot_ratio = 0.0;
+        self.chosen.clear();
         for k in 0..m.min(n) {
             let (value, i, j) = self.largest_from(k);
             if value.is_nan() || value <= RANK_TOLERANCE * largest {
@@ -63,6 +111,7 @@ impl Elimination {
             self.swap_columns(k, j);
             self.eliminate(k);
             self.rank = k + 1;
+            self.chosen.push(value);
             self.smallest_pivot_ratio = value / largest;
         }
     }
@@ -98,15 +147,19 @@ impl Elimination {
         }
     }
 
+    #[inline]
     fn eliminate(&mut self, k: usize) {
         let n = self.cols;
-        let pivot = self.lu[k * n + k];
-        for i in k + 1..self.rows {
-            let factor = self.lu[i * n + k] / pivot;
-            self.lu[i * n + k] = factor;
-            if factor != 0.0 {
-                for j in k + 1..n {
-                    self.lu[i * n + j] -= factor * self.lu[k * n + j];
+        let (above, below) = self.lu.split_at_mut((k + 1) * n);
+        let pivot_row = &above[k * n..];
+        let inverse = 1.0 / pivot_row[k];
+        for row in below.chunks_exact_mut(n) {
+            // Legs of a parallel robot meet at the platform only: most entries below a pivot are zero.
+            if row[k] != 0.0 {
+                let factor = row[k] * inverse;
+                row[k] = factor;
+                for (x, p) in row[k + 1..].iter_mut().zip(&pivot_row[k + 1..]) {
+                    *x -= factor * p;
                 }
             }
         }
@@ -130,30 +183,64 @@ impl Elimination {
         &self.col_order[self.rank..]
     }
 
+    /// Rows without a pivot: what they say follows from the other rows.
+    #[must_use]
+    pub fn redundant_rows(&self) -> &[usize] {
+        &self.row_order[self.rank..]
+    }
+
     /// Solves `A·x = b` with the independent rows; columns without a pivot get zero.
     ///
     /// # Panics
     /// With slices of other lengths than the matrix was built for (debug builds).
+    #[inline]
     pub fn solve(&mut self, b: impl Fn(usize) -> f64, x: &mut [f64]) {
         debug_assert_eq!(x.len(), self.cols, "one unknown per column");
         let (n, r) = (self.cols, self.rank);
         for k in 0..r {
-            let mut sum = b(self.row_order[k]);
-            for j in 0..k {
-                sum -= self.lu[k * n + j] * self.scratch[j];
-            }
+            let row = &self.lu[k * n..k * n + k];
+            let sum: f64 = row.iter().zip(&self.scratch).fold(b(self.row_order[k]), |sum, (l, y)| sum - l * y);
             self.scratch[k] = sum;
         }
         for k in (0..r).rev() {
-            let mut sum = self.scratch[k];
-            for j in k + 1..r {
-                sum -= self.lu[k * n + j] * self.scratch[j];
-            }
-            self.scratch[k] = sum / self.lu[k * n + k];
+            let row = &self.lu[k * n..k * n + r];
+            let sum = row[k + 1..].iter().zip(&self.scratch[k + 1..r]).fold(self.scratch[k], |sum, (u, x)| sum - u * x);
+            self.scratch[k] = sum / row[k];
         }
-        x.fill(0.0);
+        if r < n {
+            x.fill(0.0);
+        }
         for k in 0..r {
             x[self.col_order[k]] = self.scratch[k];
+        }
+    }
+
+    /// Solves `Aᵀ·y = c` with the independent columns; rows without a pivot get zero.
+    ///
+    /// # Panics
+    /// With slices of other lengths than the matrix was built for (debug builds).
+    pub fn solve_transposed(&mut self, c: impl Fn(usize) -> f64, y: &mut [f64]) {
+        debug_assert_eq!(y.len(), self.rows, "one unknown per row");
+        let (n, r) = (self.cols, self.rank);
+        for k in 0..r {
+            self.scratch[k] = c(self.col_order[k]);
+        }
+        for k in 0..r {
+            let z = self.scratch[k] / self.lu[k * n + k];
+            self.scratch[k] = z;
+            for j in k + 1..r {
+                self.scratch[j] -= self.lu[k * n + j] * z;
+            }
+        }
+        for k in (0..r).rev() {
+            let w = self.scratch[k];
+            for j in 0..k {
+                self.scratch[j] -= self.lu[k * n + j] * w;
+            }
+        }
+        y.fill(0.0);
+        for k in 0..r {
+            y[self.row_order[k]] = self.scratch[k];
         }
     }
 }
@@ -188,5 +275,34 @@ mod tests {
         let mut e = Elimination::new(2, 2);
         e.factor(|_, _| f64::NAN);
         assert_eq!(e.rank(), 0);
+    }
+
+    #[test]
+    fn the_transposed_system_is_solved_with_the_rows_that_carry_information() {
+        let a = [[2.0, 1.0, 0.3], [0.0, 3.0, -1.0], [2.0, 1.0, 0.3], [0.5, 4.0, 2.0]];
+        let c = [0.4, -1.1, 2.0];
+        let mut e = Elimination::new(4, 3);
+        e.factor(|i, j| a[i][j]);
+        assert_eq!(e.redundant_rows().len(), 1);
+        let mut y = [0.0; 4];
+        e.solve_transposed(|j| c[j], &mut y);
+        for j in 0..3 {
+            let sum: f64 = (0..4).map(|i| a[i][j] * y[i]).sum();
+            assert!((sum - c[j]).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn a_kept_order_solves_as_well_as_a_new_one_and_is_left_when_a_pivot_shrinks() {
+        let at = |t: f64| move |i: usize, j: usize| [[t, 1.0], [1.0, -0.5]][i][j];
+        let mut e = Elimination::new(2, 2);
+        e.factor(at(3.0));
+        for t in [2.0, 1.0, 0.5, 0.0] {
+            e.factor(at(t));
+            let mut x = [0.0; 2];
+            e.solve(|i| at(t)(i, 0) * 0.7 + at(t)(i, 1) * -1.3, &mut x);
+            assert!((x[0] - 0.7).abs() < 1e-14 && (x[1] + 1.3).abs() < 1e-14, "{t}: {x:?}");
+        }
+        assert_eq!(e.rank(), 2);
     }
 }

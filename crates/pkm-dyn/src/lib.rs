@@ -13,10 +13,16 @@
 
 extern crate alloc;
 
+pub mod aba;
+pub mod configuration;
+pub mod constrained;
+pub mod crba;
 pub mod data;
 pub mod effects;
 pub mod elimination;
+pub mod energy;
 pub mod inverse_dynamics;
+pub mod jacobian;
 pub mod kinematics;
 pub mod loops;
 pub mod math;
@@ -24,6 +30,7 @@ pub mod model;
 pub mod parameters;
 pub mod regressor;
 pub mod rnea;
+mod small;
 pub mod spatial;
 #[cfg(feature = "urdf")]
 pub mod urdf;

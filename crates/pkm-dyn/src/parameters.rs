@@ -70,12 +70,14 @@ impl InertialParameters {
 
     /// First moment `[kg·m]`.
     #[must_use]
+    #[inline]
     pub fn first_moment(&self) -> Vector3<f64> {
         Vector3::new(self.mx, self.my, self.mz)
     }
 
     /// Inertia about the origin `[kg·m²]`.
     #[must_use]
+    #[inline]
     pub fn rotational(&self) -> Matrix3<f64> {
         Matrix3::new(self.ixx, self.ixy, self.ixz, self.ixy, self.iyy, self.iyz, self.ixz, self.iyz, self.izz)
     }
@@ -92,8 +94,16 @@ impl InertialParameters {
         Self { mass: p[0], mx: p[1], my: p[2], mz: p[3], ixx: p[4], ixy: p[5], iyy: p[6], ixz: p[7], iyz: p[8], izz: p[9] }
     }
 
+    /// Whether all ten are zero, as of the bodies between the coordinates of a ball joint: algorithms pass such bodies by.
+    #[must_use]
+    #[inline]
+    pub fn is_massless(&self) -> bool {
+        *self == Self::default()
+    }
+
     /// As the algorithms use them.
     #[must_use]
+    #[inline]
     pub fn inertia(&self) -> Inertia {
         Inertia { mass: self.mass, first_moment: self.first_moment(), rotational: self.rotational() }
     }

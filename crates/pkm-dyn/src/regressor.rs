@@ -1,73 +1,128 @@
-//! Regressors: inverse dynamics written as a matrix times the inertial parameters.
+//! Regressors: inverse dynamics and energies written as a matrix times the inertial parameters.
 
-use nalgebra::{Matrix3, Matrix3x6, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix3x6, Vector3};
 
 use crate::data::Data;
-use crate::kinematics::{forward_accelerations, forward_kinematics, forward_velocities};
+use crate::kinematics::{forward_accelerations, forward_kinematics, forward_velocities, joint_poses};
 use crate::model::Model;
 use crate::parameters::N_INERTIAL;
-use crate::spatial::{Force, Motion, skew};
+use crate::spatial::skew;
 
 /// Joint-torque regressor of the tree, nv × 10·bodies: `tau = Y·theta` without rotor inertia and friction.
 ///
 /// Columns are grouped by body, inside a body in the order of [`crate::parameters::NAMES`].
 #[doc(alias = "computeJointTorqueRegressor")]
-pub fn joint_torque_regressor<'d>(model: &Model, data: &'d mut Data, q: &[f64], v: &[f64], a: &[f64]) -> &'d nalgebra::DMatrix<f64> {
-    forward_kinematics(model, data, q);
+pub fn joint_torque_regressor<'d>(model: &Model, data: &'d mut Data, q: &[f64], v: &[f64], a: &[f64]) -> &'d DMatrix<f64> {
+    joint_poses(model, data, q);
     forward_velocities(model, data, v);
     forward_accelerations(model, data, a);
     fill(model, data);
     &data.joint_torque_regressor
 }
 
-/// Fills the regressor from kinematics already in `data`.
-pub(crate) fn fill(model: &Model, data: &mut Data) {
+/// Fills the regressor from the bodies' motion in their own frames.
+fn fill(model: &Model, data: &mut Data) {
     data.joint_torque_regressor.fill(0.0);
     for i in 0..model.nv() {
-        let mut columns = body_regressor(&data.velocity[i], &data.acceleration[i]);
+        let (v, a) = (&data.velocity[i], &data.acceleration[i]);
+        let columns = wrench_columns(&(a.linear + v.angular.cross(&v.linear)), &v.angular, &a.angular);
+        // The unit motion of each joint that carries the body, seen from the body: one motion travels, not ten wrenches.
+        let (mut rotation, mut origin) = (Matrix3::identity(), Vector3::zeros());
         let mut at = i;
         loop {
-            let s = model.joints[at].motion();
-            for (k, f) in columns.iter().enumerate() {
-                data.joint_torque_regressor[(at, N_INERTIAL * i + k)] = s.dot(f);
-            }
-            let Some(p) = model.joints[at].parent else { break };
-            let x = &data.pose_pb[at];
-            for f in &mut columns {
-                *f = x.force_to_parent(f);
-            }
+            let joint = &model.joints[at];
+            // `rotation`, `origin`: pose of body `at` in body `i`.
+            let axis = rotation * joint.axis;
+            let (linear, angular) = match joint.kind {
+                crate::model::JointKind::Revolute => (origin.cross(&axis), axis),
+                crate::model::JointKind::Prismatic => (axis, Vector3::zeros()),
+            };
+            let row = at;
+            let y = &mut data.joint_torque_regressor;
+            columns.project(&linear, &angular, |c, value| y[(row, N_INERTIAL * i + c)] = value);
+            let Some(p) = joint.parent else { break };
+            let back = data.pose_pb[at].inverse();
+            origin += rotation * back.translation;
+            rotation *= back.rotation;
             at = p;
         }
     }
 }
 
-/// Wrench of one body per unit of each of its ten parameters, in its own frame.
-fn body_regressor(v: &Motion, a: &Motion) -> [Force; N_INERTIAL] {
-    let (w, alpha) = (v.angular, a.angular);
-    // Classical acceleration of the origin; the terms of the first moment and of the inertia follow from it.
-    let d = a.linear + w.cross(&v.linear);
-    let sw = skew(&w);
-    let first: Matrix3<f64> = skew(&alpha) + sw * sw;
-    let second = inertia_columns(&alpha) + sw * inertia_columns(&w);
-    let mut out = [Force::zero(); N_INERTIAL];
-    out[0].linear = d;
-    for k in 0..3 {
-        out[1 + k].linear = first.column(k).into_owned();
-        let mut e = Vector3::zeros();
-        e[k] = 1.0;
-        out[1 + k].angular = e.cross(&d);
+/// Wrench of one body per unit of each of its ten parameters, about its origin in its own axes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct WrenchColumns {
+    /// Acceleration of the origin as a point `[m/s²]`, less gravity: the force per mass.
+    d: Vector3<f64>,
+    /// Force per first moment; the moment is `e × d`.
+    first: Matrix3<f64>,
+    /// Moment per inertia.
+    second: Matrix3x6<f64>,
+}
+
+/// From the acceleration `d` of the body's origin less gravity `[m/s²]`, its angular velocity `[rad/s]` and acceleration `[rad/s²]`, all
+/// in the body's axes.
+#[inline]
+pub(crate) fn wrench_columns(d: &Vector3<f64>, w: &Vector3<f64>, alpha: &Vector3<f64>) -> WrenchColumns {
+    let sw = skew(w);
+    WrenchColumns { d: *d, first: skew(alpha) + sw * sw, second: inertia_columns(alpha) + sw * inertia_columns(w) }
+}
+
+impl WrenchColumns {
+    /// Power of each column on the motion of the body's origin (`linear`) and about it (`angular`), handed to `put` with its index.
+    #[inline]
+    pub(crate) fn project(&self, linear: &Vector3<f64>, angular: &Vector3<f64>, mut put: impl FnMut(usize, f64)) {
+        put(0, self.d.dot(linear));
+        // angular · (e_k × d) = e_k · (d × angular)
+        let first = self.first.tr_mul(linear) + self.d.cross(angular);
+        for k in 0..3 {
+            put(1 + k, first[k]);
+        }
+        let second = self.second.tr_mul(angular);
+        for k in 0..6 {
+            put(4 + k, second[k]);
+        }
     }
-    for k in 0..6 {
-        out[4 + k].angular = second.column(k).into_owned();
-    }
-    out
 }
 
 /// The matrix `L(w)` with `I·w = L(w)·[Ixx Ixy Iyy Ixz Iyz Izz]`.
+#[inline]
 fn inertia_columns(w: &Vector3<f64>) -> Matrix3x6<f64> {
     Matrix3x6::new(
         w.x, w.y, 0.0, w.z, 0.0, 0.0, //
         0.0, w.x, w.y, 0.0, w.z, 0.0, //
         0.0, 0.0, 0.0, w.x, w.y, w.z,
     )
+}
+
+/// Kinetic energy per inertial parameter, 10 per body `[J per unit]`, written to `out`: `kinetic_energy = out·theta` without rotors.
+///
+/// # Panics
+/// When `out` is not of length 10·bodies.
+#[doc(alias = "computeKineticEnergyRegressor")]
+pub fn kinetic_energy_regressor(model: &Model, data: &mut Data, q: &[f64], v: &[f64], out: &mut [f64]) {
+    assert_eq!(out.len(), N_INERTIAL * model.nv(), "ten entries per body");
+    joint_poses(model, data, q);
+    forward_velocities(model, data, v);
+    for (velocity, out) in data.velocity.iter().zip(out.chunks_exact_mut(N_INERTIAL)) {
+        let (u, w) = (&velocity.linear, &velocity.angular);
+        out[0] = 0.5 * u.dot(u);
+        out[1..4].copy_from_slice(u.cross(w).as_slice());
+        out[4..].copy_from_slice(&[0.5 * w.x * w.x, w.x * w.y, 0.5 * w.y * w.y, w.x * w.z, w.y * w.z, 0.5 * w.z * w.z]);
+    }
+}
+
+/// Potential energy per inertial parameter, 10 per body `[J per unit]`, written to `out`: `potential_energy = out·theta`.
+///
+/// # Panics
+/// When `out` is not of length 10·bodies.
+#[doc(alias = "computePotentialEnergyRegressor")]
+pub fn potential_energy_regressor(model: &Model, data: &mut Data, q: &[f64], out: &mut [f64]) {
+    assert_eq!(out.len(), N_INERTIAL * model.nv(), "ten entries per body");
+    forward_kinematics(model, data, q);
+    for (x, out) in data.pose_wb.iter().zip(out.chunks_exact_mut(N_INERTIAL)) {
+        out.fill(0.0);
+        out[0] = -model.gravity.dot(&x.translation);
+        out[1..4].copy_from_slice((x.rotation.tr_mul(&-model.gravity)).as_slice());
+    }
 }

@@ -1,10 +1,11 @@
 //! Plants: what moves when drives push.
 
 use nalgebra::{DMatrix, DVector};
+use pkm_dyn::constrained::reduced_mass_matrix;
 use pkm_dyn::effects::{JointState, Law, Robot};
+use pkm_dyn::energy::{kinetic_energy, potential_energy};
 use pkm_dyn::inverse_dynamics::{closed_loop_motion, rigid_effort};
-use pkm_dyn::kinematics::forward_accelerations;
-use pkm_dyn::loops::{Closure, assemble, mobility, solve_accelerations, walk_to};
+use pkm_dyn::loops::{Closure, assemble, mobility, walk_to};
 use pkm_dyn::model::Model;
 use pkm_dyn::{Data, math};
 
@@ -100,16 +101,8 @@ impl ReducedPlant {
         let model = &robot.model;
         scratch.fill(0.0);
         check(&closed_loop_motion(model, data, q, v, scratch), *time)?;
-        let mut energy = 0.0;
-        for (i, body) in model.bodies.iter().enumerate() {
-            let motion = data.velocity[i];
-            energy += 0.5 * motion.dot(&body.inertia().apply(&motion));
-            energy += 0.5 * model.joints[i].armature * data.v[i] * data.v[i];
-            let pose = &data.pose_wb[i];
-            let first_moment = pose.rotation * body.first_moment() + pose.translation * body.mass;
-            energy -= model.gravity.dot(&first_moment);
-        }
-        Ok(energy)
+        let (q, v) = (data.q.clone(), data.v.clone());
+        Ok(kinetic_energy(model, data, &q, &v) + potential_energy(model, data, &q))
     }
 
     /// `mass` and `bias` at the middle of the step.
@@ -126,18 +119,7 @@ impl ReducedPlant {
         check(&closure, *time)?;
         rigid_effort(model, data);
         bias.copy_from_slice(&data.tau_act);
-        for k in 0..q.len() {
-            scratch.fill(0.0);
-            scratch[k] = 1.0;
-            solve_accelerations(model, data, scratch);
-            let unit = core::mem::take(&mut data.a);
-            forward_accelerations(model, data, &unit);
-            data.a = unit;
-            rigid_effort(model, data);
-            for i in 0..q.len() {
-                mass[(i, k)] = data.tau_act[i] - bias[i];
-            }
-        }
+        mass.copy_from(reduced_mass_matrix(model, data));
         Ok(())
     }
 

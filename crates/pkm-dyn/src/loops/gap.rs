@@ -1,120 +1,138 @@
 //! Closure error of every constraint row, its Jacobian and its drift.
 
+use alloc::vec::Vec;
+
 use nalgebra::{Matrix3, Vector3};
 
 use crate::data::Data;
-use crate::kinematics::forward_kinematics;
+use crate::kinematics::{forward_kinematics, frame_acceleration, frame_pose, frame_velocity};
 use crate::math;
-use crate::model::{FrameOnBody, LoopClosure, Model};
-use crate::spatial::{Pose, log3, skew};
+use crate::model::{LoopClosure, Model};
+use crate::spatial::{Motion, Pose, log3, skew};
+
+/// The joints between the two ends of a loop, with the sign by which they move b against a. Joints that carry both ends move neither
+/// against the other.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Path(Vec<(usize, f64)>);
+
+impl Path {
+    pub(crate) fn of(model: &Model, closure: &LoopClosure) -> Self {
+        let mut joints = Vec::new();
+        for (end, other, sign) in [(closure.b.body, closure.a.body, 1.0), (closure.a.body, closure.b.body, -1.0)] {
+            let mut at = end;
+            while let Some(j) = at {
+                if model.supports(j, other) {
+                    break;
+                }
+                joints.push((j, sign));
+                at = model.joints[j].parent;
+            }
+        }
+        Self(joints)
+    }
+}
 
 /// Closure error and its Jacobian at tree coordinates `q` `[m | rad]`: `data.loop_gap`, `data.loop_jacobian`.
 ///
-/// Rows are the couplings, then each loop's forbidden motions of b relative to a, seen in a. Poses of `q` are left in `data`.
+/// Rows are the couplings, then each loop's forbidden motions of b relative to a, seen in a. Poses of `q` are left in `data`. The
+/// Jacobian is with respect to velocities: for joints of one coordinate these are the rates of `q`.
 pub fn loop_gap(model: &Model, data: &mut Data, q: &[f64]) {
     forward_kinematics(model, data, q);
-    data.loop_jacobian.fill(0.0);
+    gap_rows(model, data, q);
+    jacobian_rows(model, data);
+}
+
+/// `data.loop_gap` for the poses in `data`.
+pub(crate) fn gap_rows(model: &Model, data: &mut Data, q: &[f64]) {
     let mut row = 0;
     for c in &model.couplings {
-        let mut gap = q[c.joint] - c.offset;
-        data.loop_jacobian[(row, c.joint)] = 1.0;
-        for &(j, ratio) in &c.of {
-            gap -= ratio * q[j];
-            data.loop_jacobian[(row, j)] -= ratio;
-        }
-        data.loop_gap[row] = gap;
+        data.loop_gap[row] = c.of.iter().fold(q[c.joint] - c.offset, |gap, &(j, ratio)| gap - ratio * q[j]);
         row += 1;
     }
     for closure in &model.loops {
-        row = loop_rows(model, data, closure, row);
-    }
-}
-
-fn world(data: &Data, frame: &FrameOnBody) -> Pose {
-    frame.body.map_or(frame.pose, |b| data.pose_wb[b].compose(&frame.pose))
-}
-
-fn loop_rows(model: &Model, data: &mut Data, closure: &LoopClosure, first: usize) -> usize {
-    let (a, b) = (world(data, &closure.a), world(data, &closure.b));
-    let to_a = a.rotation.transpose();
-    let arm = to_a * (b.translation - a.translation);
-    let turn = log3(&(to_a * b.rotation));
-    let to_turn = left_jacobian_inverse(&turn);
-    let mut row = first;
-    for k in (0..6).filter(|&k| closure.constrain[k]) {
-        data.loop_gap[row] = if k < 3 { arm[k] } else { turn[k - 3] };
-        row += 1;
-    }
-    for (end, sign) in [(closure.b.body, 1.0), (closure.a.body, -1.0)] {
-        let mut at = end;
-        while let Some(j) = at {
-            let x = &data.pose_wb[j];
-            let s = model.joints[j].motion();
-            let w = x.rotation * s.angular;
-            // Velocity, per unit of this joint, of the point at b's origin.
-            let p = x.rotation * s.linear + w.cross(&(b.translation - x.translation));
-            let (p, w) = (to_a * p, to_turn * (to_a * w));
-            for (i, k) in (0..6).filter(|&k| closure.constrain[k]).enumerate() {
-                data.loop_jacobian[(first + i, j)] += sign * if k < 3 { p[k] } else { w[k - 3] };
-            }
-            at = model.joints[j].parent;
+        let (a, b) = (frame_pose(data, &closure.a), frame_pose(data, &closure.b));
+        let arm = a.rotation.tr_mul(&(b.translation - a.translation));
+        let turn = if closure.forbids_turns() { log3(&a.rotation.tr_mul(&b.rotation)) } else { Vector3::zeros() };
+        for k in closure.rows() {
+            data.loop_gap[row] = if k < 3 { arm[k] } else { turn[k - 3] };
+            row += 1;
         }
     }
-    row
+}
+
+/// `data.loop_jacobian` for the poses in `data`.
+pub(crate) fn jacobian_rows(model: &Model, data: &mut Data) {
+    data.loop_jacobian.fill(0.0);
+    for (row, c) in model.couplings.iter().enumerate() {
+        data.loop_jacobian[(row, c.joint)] = 1.0;
+        for &(j, ratio) in &c.of {
+            data.loop_jacobian[(row, j)] -= ratio;
+        }
+    }
+    let mut first = model.couplings.len();
+    for (closure, path) in model.loops.iter().zip(&data.paths) {
+        let (a, b) = (frame_pose(data, &closure.a), frame_pose(data, &closure.b));
+        let to_a = a.rotation.transpose();
+        let to_turn = closure.forbids_turns().then(|| left_jacobian_inverse(&log3(&(to_a * b.rotation))));
+        for &(j, sign) in &path.0 {
+            // Velocity, per unit of this joint, of the point at b's origin.
+            let s = data.axis_w[j];
+            let p = to_a * (s.linear + s.angular.cross(&b.translation)) * sign;
+            let w = to_turn.map_or_else(Vector3::zeros, |t| t * (to_a * s.angular) * sign);
+            for (row, k) in (first..).zip(closure.rows()) {
+                data.loop_jacobian[(row, j)] = if k < 3 { p[k] } else { w[k - 3] };
+            }
+        }
+        first += closure.n_rows();
+    }
 }
 
 /// Second time derivative of the closure error at zero joint acceleration, `J̇·v` `[m/s² | rad/s²]`: `data.loop_drift`.
 ///
-/// Call [`loop_gap`] and [`crate::kinematics::forward_velocities`] first.
+/// Call [`loop_gap`] and [`crate::kinematics::world_velocities`] first.
 pub fn loop_drift(model: &Model, data: &mut Data) {
     let mut row = model.couplings.len();
     data.loop_drift[..row].fill(0.0);
+    if model.loops.is_empty() {
+        return;
+    }
+    for (i, joint) in model.joints.iter().enumerate() {
+        let parent = joint.parent.map_or_else(Motion::zero, |p| data.acceleration_w[p]);
+        data.acceleration_w[i] = parent + data.coriolis_w[i];
+    }
     for closure in &model.loops {
         let (linear, angular) = relative_drift(data, closure);
-        for k in (0..6).filter(|&k| closure.constrain[k]) {
+        for k in closure.rows() {
             data.loop_drift[row] = if k < 3 { linear[k] } else { angular[k - 3] };
             row += 1;
         }
     }
 }
 
-/// Motion of a frame's origin in the root frame.
-struct PointMotion {
-    velocity: Vector3<f64>,
-    acceleration: Vector3<f64>,
-    w: Vector3<f64>,
-    alpha: Vector3<f64>,
-}
-
-fn point_motion(data: &Data, frame: &FrameOnBody) -> PointMotion {
-    let Some(b) = frame.body else {
-        let zero = Vector3::zeros();
-        return PointMotion { velocity: zero, acceleration: zero, w: zero, alpha: zero };
-    };
-    let (r, v, a, p) = (data.pose_wb[b].rotation, data.velocity[b], data.bias[b], frame.pose.translation);
-    let arm = v.angular.cross(&p);
-    PointMotion {
-        velocity: r * (v.linear + arm),
-        acceleration: r * (a.linear + v.angular.cross(&v.linear) + a.angular.cross(&p) + v.angular.cross(&arm)),
-        w: r * v.angular,
-        alpha: r * a.angular,
-    }
-}
-
 fn relative_drift(data: &Data, closure: &LoopClosure) -> (Vector3<f64>, Vector3<f64>) {
-    let (a, b) = (world(data, &closure.a), world(data, &closure.b));
-    let (ma, mb) = (point_motion(data, &closure.a), point_motion(data, &closure.b));
+    let (a, b) = (frame_pose(data, &closure.a), frame_pose(data, &closure.b));
+    let (va, vb) = (frame_velocity(data, &closure.a), frame_velocity(data, &closure.b));
+    let (aa, ab) = (frame_acceleration(data, &closure.a), frame_acceleration(data, &closure.b));
     let to_a = a.rotation.transpose();
     let d = b.translation - a.translation;
-    let relative = mb.velocity - ma.velocity - ma.w.cross(&d);
-    let linear =
-        to_a * (mb.acceleration - ma.acceleration - ma.alpha.cross(&d) - ma.w.cross(&ma.w.cross(&d)) - ma.w.cross(&relative) * 2.0);
+    let (wa, wb) = (va.angular, vb.angular);
+    let relative = vb.linear - va.linear - wa.cross(&d);
+    let linear = to_a * (ab.linear - aa.linear - aa.angular.cross(&d) - wa.cross(&wa.cross(&d)) - wa.cross(&relative) * 2.0);
+    if !closure.forbids_turns() {
+        return (linear, Vector3::zeros());
+    }
     let turn = log3(&(to_a * b.rotation));
     let to_turn = left_jacobian_inverse(&turn);
-    let w = to_a * (mb.w - ma.w);
-    let w_dot = to_a * (mb.alpha - ma.alpha - ma.w.cross(&(mb.w - ma.w)));
+    let w = to_a * (wb - wa);
+    let w_dot = to_a * (ab.angular - aa.angular - wa.cross(&(wb - wa)));
     let turn_dot = to_turn * w;
     (linear, to_turn * w_dot + left_jacobian_inverse_rate(&turn, &turn_dot) * w)
+}
+
+/// Wrench of a loop on its frame b, about b's origin in a's axes, per its rows' efforts: the moment that turns rotation-vector efforts
+/// into a physical one.
+pub(crate) fn moment_of_turn_efforts(a: &Pose, b: &Pose, efforts: &Vector3<f64>) -> Vector3<f64> {
+    left_jacobian_inverse(&log3(&a.rotation.tr_mul(&b.rotation))).tr_mul(efforts)
 }
 
 /// `c(θ)` in `J⁻¹ = 1 − ½[φ]× + c·[φ]×²`, and `c'(θ)/θ`.

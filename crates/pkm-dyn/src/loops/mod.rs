@@ -1,9 +1,18 @@
-//! Loop closure: how far the loops are open, how that changes, and what it makes of the passive coordinates.
+//! Loop closure: how far the loops are open, how that changes, and what it makes of the dependent coordinates.
 
+mod actuation;
 mod gap;
+mod independent;
 mod reduce;
 mod solve;
+mod wrench;
 
+pub use actuation::{distribute, drive_jacobian, internal_efforts};
+pub(crate) use gap::Path;
 pub use gap::{loop_drift, loop_gap};
+pub use independent::{Choice, choose_independent};
 pub use reduce::reduction;
-pub use solve::{Closure, assemble, mid_pose, mobility, solve_accelerations, solve_positions, solve_velocities, walk_to};
+pub(crate) use reduce::{expand, reduced};
+pub use solve::{Closure, assemble, close_at, mid_pose, mobility, solve_accelerations, solve_positions, solve_velocities, walk_to};
+pub(crate) use solve::{add_drift, factor_at};
+pub use wrench::{joint_wrenches, loop_wrench};

@@ -1,12 +1,14 @@
-//! The passive coordinates that close the loops: positions by Newton, velocities and accelerations by linear solves.
+//! The dependent coordinates that close the loops: positions by Newton, velocities and accelerations by linear solves.
 
 use alloc::vec;
 use alloc::vec::Vec;
 
+use crate::configuration::integrate;
 use crate::data::Data;
 use crate::elimination::Elimination;
-use crate::kinematics::forward_velocities;
-use crate::loops::gap::{loop_drift, loop_gap};
+use crate::kinematics::{forward_kinematics, world_velocities};
+use crate::loops::gap::{gap_rows, jacobian_rows, loop_drift, loop_gap};
+use crate::loops::reduce::{expand, reduction};
 use crate::model::Model;
 
 /// A loop counts as closed below this gap `[m | rad]`: a thousandth of a nanometre, reached by Newton in one step more than needed.
@@ -18,11 +20,15 @@ const MAX_ITERATIONS: usize = 30;
 /// Parts of a long way from one pose to another: one Newton jump over a long way can land on another assembly of the same loops.
 const WALK_PARTS: usize = 40;
 
+/// Below this gap `[m | rad]` the elimination of the pose before serves for a Newton step: what the pose has changed since is of the
+/// root of the gap, and so is the share of the gap that the step leaves.
+const REUSE_BELOW: f64 = 1e-6;
+
 /// How a loop closure ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[must_use]
 pub struct Closure {
-    /// Whether every constraint is met and the passive coordinates are determined.
+    /// Whether every constraint is met and the dependent coordinates are determined.
     pub is_closed: bool,
     /// Newton steps taken.
     pub iterations: usize,
@@ -30,7 +36,7 @@ pub struct Closure {
     pub gap: f64,
     /// Row of the largest gap (couplings first, then loops).
     pub row: usize,
-    /// Rank of the constraints with respect to the passive coordinates.
+    /// Rank of the constraints with respect to the dependent coordinates.
     pub rank: usize,
     /// Smallest pivot of that elimination over its largest entry: near zero at a singular pose.
     pub pivot_ratio: f64,
@@ -42,9 +48,9 @@ impl Closure {
     }
 }
 
-fn factor_passive(data: &mut Data) {
-    let Data { loop_jacobian, passive, elimination, .. } = data;
-    elimination.factor(|i, j| loop_jacobian[(i, passive[j])]);
+fn factor(data: &mut Data) {
+    let Data { loop_jacobian, dependent, elimination, .. } = data;
+    elimination.factor(|i, j| loop_jacobian[(i, dependent[j])]);
 }
 
 fn largest(gap: &[f64]) -> (f64, usize) {
@@ -54,36 +60,111 @@ fn largest(gap: &[f64]) -> (f64, usize) {
 
 /// Tree coordinates that close the loops for given drives, by Newton from the tree coordinates in `data.q`.
 ///
-/// `q_act` `[m | rad]`, one per drive. The result is `data.q`; on failure it holds the last iterate.
+/// `q_act` `[m | rad]`, one per drive. The result is `data.q` and, at that pose, the reduction; on failure `data.q` holds the last
+/// iterate. Of more drives than freedoms, those that are not independent are a start like any passive joint, and are solved for.
 pub fn solve_positions(model: &Model, data: &mut Data, q_act: &[f64]) -> Closure {
+    if !model.is_constrained() {
+        for (&j, &value) in model.actuators.iter().zip(q_act) {
+            data.q[j] = value;
+        }
+        let q = core::mem::take(&mut data.q);
+        forward_kinematics(model, data, &q);
+        data.q = q;
+        return Closure::of_tree();
+    }
+    // At the pose of the last solution its reduction foretells the next, and its elimination serves for one more step.
+    let is_near = data.reduced_at == data.q;
+    if is_near {
+        foretell(model, data, q_act);
+    }
     for (&j, &value) in model.actuators.iter().zip(q_act) {
         data.q[j] = value;
     }
-    if !model.is_constrained() {
-        return Closure::of_tree();
+    newton(model, data, is_near)
+}
+
+/// Tree coordinates that close the loops with the independent coordinates as they are in `data.q`, from the others there.
+///
+/// For mechanisms whose independent coordinates are not all driven ([`crate::loops::Choice`]).
+pub fn close_at(model: &Model, data: &mut Data) -> Closure {
+    if model.is_constrained() {
+        return newton(model, data, false);
     }
-    let mut q = core::mem::take(&mut data.q);
-    let mut step = core::mem::take(&mut data.step);
+    let q = core::mem::take(&mut data.q);
+    forward_kinematics(model, data, &q);
+    data.q = q;
+    Closure::of_tree()
+}
+
+/// Moves the passive coordinates as the reduction says for the drives' way to `q_act`.
+fn foretell(model: &Model, data: &mut Data, q_act: &[f64]) {
+    let Data { q, step, reduction, independent, dependent, .. } = data;
+    let step = &mut step[..dependent.len()];
+    step.fill(0.0);
+    for (k, &j) in independent.iter().enumerate() {
+        let Some(drive) = model.actuators.iter().position(|&a| a == j) else { continue };
+        let way = q_act[drive] - q[j];
+        let column = reduction.column(k);
+        for (s, &d) in step.iter_mut().zip(dependent.iter()) {
+            *s += column[d] * way;
+        }
+    }
+    apply_step(model, data);
+}
+
+/// Adds `data.step`, one entry per dependent coordinate, to `data.q`.
+fn apply_step(model: &Model, data: &mut Data) {
+    let Data { q, step, scratch, dependent, has_compound, .. } = data;
+    if !*has_compound {
+        for (&j, s) in dependent.iter().zip(step.iter()) {
+            q[j] += s;
+        }
+        return;
+    }
+    let dv = &mut scratch[..model.nv()];
+    dv.fill(0.0);
+    for (&j, s) in dependent.iter().zip(step.iter()) {
+        dv[j] = *s;
+    }
+    integrate(model, q, dv);
+}
+
+fn newton(model: &Model, data: &mut Data, may_reuse: bool) -> Closure {
     let mut out = Closure { is_closed: false, ..Closure::of_tree() };
+    let mut is_factored = false;
     for iterations in 0..=MAX_ITERATIONS {
-        loop_gap(model, data, &q);
+        let q = core::mem::take(&mut data.q);
+        forward_kinematics(model, data, &q);
+        gap_rows(model, data, &q);
+        data.q = q;
         (out.gap, out.row) = largest(&data.loop_gap);
         out.iterations = iterations;
-        factor_passive(data);
-        out.rank = data.elimination.rank();
-        out.pivot_ratio = data.elimination.smallest_pivot_ratio();
+        is_factored = false;
         if out.gap <= CLOSED || !out.gap.is_finite() {
             break;
         }
-        let Data { loop_gap, elimination, passive, .. } = data;
-        elimination.solve(|i| -loop_gap[i], &mut step);
-        for (&j, s) in passive.iter().zip(&step) {
-            q[j] += s;
+        if !(may_reuse && iterations == 0 && out.gap < REUSE_BELOW) {
+            jacobian_rows(model, data);
+            factor(data);
+            is_factored = true;
         }
+        let Data { loop_gap, elimination, step, dependent, .. } = data;
+        elimination.solve(|i| -loop_gap[i], &mut step[..dependent.len()]);
+        apply_step(model, data);
     }
-    out.is_closed = out.gap <= 1e3 * CLOSED && out.rank == data.passive.len();
-    data.q = q;
-    data.step = step;
+    if !is_factored {
+        jacobian_rows(model, data);
+        factor(data);
+    }
+    out.rank = data.elimination.rank();
+    out.pivot_ratio = data.elimination.smallest_pivot_ratio();
+    out.is_closed = out.gap <= 1e3 * CLOSED && out.rank == data.dependent.len();
+    reduction(model, data);
+    if out.is_closed {
+        data.reduced_at.copy_from_slice(&data.q);
+    } else {
+        data.reduced_at.fill(f64::NAN);
+    }
     out
 }
 
@@ -121,6 +202,9 @@ pub fn walk_to(model: &Model, data: &mut Data, q_act: &[f64]) -> Closure {
 /// Where the stated coordinates of the drives do not close the loops, the drives go to [`mid_pose`]: an assembly may name passive
 /// joints only.
 pub fn assemble(model: &Model, data: &mut Data) -> Closure {
+    // Nothing before this counts: neither the last pose nor the order of pivots found there.
+    data.elimination.forget();
+    data.reduced_at.fill(f64::NAN);
     data.q.copy_from_slice(&model.assembly);
     let q_act: Vec<f64> = model.actuators.iter().map(|&j| model.assembly[j]).collect();
     let stated = solve_positions(model, data, &q_act);
@@ -150,36 +234,62 @@ pub fn mobility(model: &Model, data: &mut Data, q: &[f64]) -> usize {
     model.nv() - all.rank()
 }
 
-/// Tree velocities from the drives' `v_act` `[m/s | rad/s]`: `data.v`. Call [`solve_positions`] first.
+/// Tree velocities from the drives' `v_act` `[m/s | rad/s]`: `data.v`, and the bodies' velocities `data.velocity_w`. Independent
+/// coordinates without a drive stand still. Call [`solve_positions`] first.
 pub fn solve_velocities(model: &Model, data: &mut Data, v_act: &[f64]) {
-    data.v.fill(0.0);
-    for (&j, &value) in model.actuators.iter().zip(v_act) {
-        data.v[j] = value;
-    }
-    if model.is_constrained() {
-        let Data { loop_jacobian, elimination, passive, step, v, .. } = data;
-        elimination.solve(|i| -model.actuators.iter().map(|&j| loop_jacobian[(i, j)] * v[j]).sum::<f64>(), step);
-        for (&j, s) in passive.iter().zip(step.iter()) {
-            v[j] = *s;
-        }
-    }
-    let v = core::mem::take(&mut data.v);
-    forward_velocities(model, data, &v);
+    let mut v = core::mem::take(&mut data.v);
+    expand_drives(model, data, v_act, &mut v);
+    world_velocities(model, data, &v);
     data.v = v;
+}
+
+/// `out = G·x`, where `x` is given per drive.
+fn expand_drives(model: &Model, data: &mut Data, x_act: &[f64], out: &mut [f64]) {
+    let mut x = core::mem::take(&mut data.scratch);
+    for (x, j) in x.iter_mut().zip(&data.independent) {
+        *x = model.actuators.iter().position(|a| a == j).map_or(0.0, |k| x_act[k]);
+    }
+    expand(data, &x, out);
+    data.scratch = x;
 }
 
 /// Tree accelerations from the drives' `a_act` `[m/s² | rad/s²]`: `data.a`. Call [`solve_velocities`] first.
 pub fn solve_accelerations(model: &Model, data: &mut Data, a_act: &[f64]) {
-    data.a.fill(0.0);
-    for (&j, &value) in model.actuators.iter().zip(a_act) {
-        data.a[j] = value;
-    }
+    let mut a = core::mem::take(&mut data.a);
+    expand_drives(model, data, a_act, &mut a);
     if model.is_constrained() {
         loop_drift(model, data);
-        let Data { loop_jacobian, loop_drift, elimination, passive, step, a, .. } = data;
-        elimination.solve(|i| -loop_drift[i] - model.actuators.iter().map(|&j| loop_jacobian[(i, j)] * a[j]).sum::<f64>(), step);
-        for (&j, s) in passive.iter().zip(step.iter()) {
-            a[j] = *s;
-        }
+        add_drift(data, &mut a);
+    }
+    data.a = a;
+}
+
+/// Gap, Jacobian and elimination for the poses in `data`, without solving.
+pub(crate) fn factor_at(model: &Model, data: &mut Data) -> Closure {
+    let mut out = Closure::of_tree();
+    // Without drives, or with fewer than freedoms, a tree too has coordinates that the independent ones say nothing of.
+    out.is_closed = data.dependent.is_empty();
+    if model.is_constrained() {
+        let q = core::mem::take(&mut data.q);
+        gap_rows(model, data, &q);
+        data.q = q;
+        (out.gap, out.row) = largest(&data.loop_gap);
+        jacobian_rows(model, data);
+        factor(data);
+        out.rank = data.elimination.rank();
+        out.pivot_ratio = data.elimination.smallest_pivot_ratio();
+        out.is_closed = out.rank == data.dependent.len() && out.gap.is_finite();
+    }
+    data.reduced_at.copy_from_slice(&data.q);
+    out
+}
+
+/// Adds to `a` the accelerations of the dependent coordinates that the velocities alone cause.
+pub(crate) fn add_drift(data: &mut Data, a: &mut [f64]) {
+    let Data { loop_drift, elimination, dependent, step, .. } = data;
+    let step = &mut step[..dependent.len()];
+    elimination.solve(|i| -loop_drift[i], step);
+    for (&j, s) in dependent.iter().zip(step.iter()) {
+        a[j] += *s;
     }
 }

@@ -1,6 +1,6 @@
 //! Wrenches.
 
-use core::ops::{Add, AddAssign, Sub};
+use core::ops::{Add, AddAssign, Mul, Sub};
 
 use nalgebra::Vector3;
 
@@ -22,20 +22,30 @@ impl Default for Force {
 impl Force {
     /// No wrench.
     #[must_use]
+    #[inline]
     pub fn zero() -> Self {
         Self { linear: Vector3::zeros(), angular: Vector3::zeros() }
+    }
+
+    /// The same wrench, known about the present origin, about a point `p` `[m]`.
+    #[must_use]
+    #[inline]
+    pub fn about(&self, p: &Vector3<f64>) -> Self {
+        Self { linear: self.linear, angular: self.angular - p.cross(&self.linear) }
     }
 }
 
 impl Add for Force {
     type Output = Self;
 
+    #[inline]
     fn add(self, other: Self) -> Self {
         Self { linear: self.linear + other.linear, angular: self.angular + other.angular }
     }
 }
 
 impl AddAssign for Force {
+    #[inline]
     fn add_assign(&mut self, other: Self) {
         *self = *self + other;
     }
@@ -44,7 +54,17 @@ impl AddAssign for Force {
 impl Sub for Force {
     type Output = Self;
 
+    #[inline]
     fn sub(self, other: Self) -> Self {
         Self { linear: self.linear - other.linear, angular: self.angular - other.angular }
+    }
+}
+
+impl Mul<f64> for Force {
+    type Output = Self;
+
+    #[inline]
+    fn mul(self, k: f64) -> Self {
+        Self { linear: self.linear * k, angular: self.angular * k }
     }
 }

@@ -23,12 +23,14 @@ impl Default for Pose {
 impl Pose {
     /// The pose that changes nothing.
     #[must_use]
+    #[inline]
     pub fn identity() -> Self {
         Self { rotation: Matrix3::identity(), translation: Vector3::zeros() }
     }
 
     /// From origin `[m]` and roll, pitch, yaw `[rad]` in URDF's convention `Rz(yaw)·Ry(pitch)·Rx(roll)`.
     #[must_use]
+    #[inline]
     pub fn from_xyz_rpy(xyz: [f64; 3], rpy: [f64; 3]) -> Self {
         let (x, y, z) =
             (rotation_about(&Vector3::x(), rpy[0]), rotation_about(&Vector3::y(), rpy[1]), rotation_about(&Vector3::z(), rpy[2]));
@@ -37,12 +39,14 @@ impl Pose {
 
     /// Pose of C in A from B in A (`self`) and C in B.
     #[must_use]
+    #[inline]
     pub fn compose(&self, other: &Self) -> Self {
         Self { rotation: self.rotation * other.rotation, translation: self.rotation * other.translation + self.translation }
     }
 
     /// Pose of A in B.
     #[must_use]
+    #[inline]
     pub fn inverse(&self) -> Self {
         let r = self.rotation.transpose();
         Self { rotation: r, translation: -(r * self.translation) }
@@ -50,12 +54,14 @@ impl Pose {
 
     /// A point of B seen in A `[m]`.
     #[must_use]
+    #[inline]
     pub fn transform_point(&self, p: &Vector3<f64>) -> Vector3<f64> {
         self.rotation * p + self.translation
     }
 
     /// A motion known in A, expressed in B (Pinocchio's `actInv`).
     #[must_use]
+    #[inline]
     pub fn motion_to_local(&self, m: &Motion) -> Motion {
         let rt = self.rotation.transpose();
         Motion { linear: rt * (m.linear - self.translation.cross(&m.angular)), angular: rt * m.angular }
@@ -63,6 +69,7 @@ impl Pose {
 
     /// A motion known in B, expressed in A (Pinocchio's `act`).
     #[must_use]
+    #[inline]
     pub fn motion_to_parent(&self, m: &Motion) -> Motion {
         let angular = self.rotation * m.angular;
         Motion { linear: self.rotation * m.linear + self.translation.cross(&angular), angular }
@@ -70,6 +77,7 @@ impl Pose {
 
     /// A wrench known in B, expressed in A.
     #[must_use]
+    #[inline]
     pub fn force_to_parent(&self, f: &Force) -> Force {
         let linear = self.rotation * f.linear;
         Force { linear, angular: self.rotation * f.angular + self.translation.cross(&linear) }
@@ -93,6 +101,14 @@ pub(crate) fn rotation_about(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
         k * y * z + s * x,
         c + k * z * z,
     )
+}
+
+/// Rotation by a rotation vector `[rad]`.
+#[must_use]
+pub(crate) fn rotation_exp(turn: &Vector3<f64>) -> Matrix3<f64> {
+    let angle = math::sqrt(turn.dot(turn));
+    // Below 1e-150 the square of the angle underflows; to the last bit there is no turn then.
+    if angle < 1e-150 { Matrix3::identity() } else { rotation_about(&(turn / angle), angle) }
 }
 
 /// Rotation vector `[rad]` of a rotation matrix, of length 0 to π.

@@ -1,0 +1,99 @@
+//! More drives than freedoms: how the drives share an effort, and what they can do to each other without moving anything.
+
+use nalgebra::DMatrix;
+
+use crate::data::Data;
+use crate::model::Model;
+use crate::small;
+
+/// `B` with `v_act = B·v_ind` at the pose of the last [`crate::loops::solve_positions`], drives × independent: `data.drive_jacobian`.
+///
+/// The identity unless there are more drives than freedoms.
+pub fn drive_jacobian<'d>(model: &Model, data: &'d mut Data) -> &'d DMatrix<f64> {
+    for (i, &j) in model.actuators.iter().enumerate() {
+        for k in 0..data.n_ind() {
+            data.drive_jacobian[(i, k)] = data.reduction[(j, k)];
+        }
+    }
+    &data.drive_jacobian
+}
+
+/// Efforts of the drives that supply `data.tau_ind`, `Bᵀ·tau_act = tau_ind`: `data.tau_act` `[N | N·m]`.
+///
+/// Of more drives than freedoms the smallest such efforts, `tau_act = B·(Bᵀ·B)⁻¹·tau_ind`: the pseudo-inverse of [McDaid, eq. 8.2];
+/// any sum of [`internal_efforts`] may be added. Where an independent coordinate has no drive, its effort is left out.
+pub fn distribute(model: &Model, data: &mut Data) {
+    if data.independent == model.actuators {
+        data.tau_act.copy_from_slice(&data.tau_ind);
+        return;
+    }
+    if model.n_act() < data.n_ind() || !gram(model, data) {
+        let Data { independent, tau_ind, tau_act, .. } = data;
+        for (effort, drive) in tau_act.iter_mut().zip(&model.actuators) {
+            *effort = independent.iter().position(|j| j == drive).map_or(0.0, |k| tau_ind[k]);
+        }
+        return;
+    }
+    let Data { gram, scratch, tau_ind, tau_act, drive_jacobian, .. } = data;
+    let x = &mut scratch[..tau_ind.len()];
+    x.copy_from_slice(tau_ind);
+    small::solve(gram, x);
+    for (i, effort) in tau_act.iter_mut().enumerate() {
+        *effort = x.iter().enumerate().map(|(k, x)| drive_jacobian[(i, k)] * x).sum();
+    }
+}
+
+/// The factor of `Bᵀ·B` in `data.gram`; whether the drives hold every freedom.
+fn gram(model: &Model, data: &mut Data) -> bool {
+    drive_jacobian(model, data);
+    let Data { gram, drive_jacobian, .. } = data;
+    gram.gemm_tr(1.0, drive_jacobian, drive_jacobian, 0.0);
+    small::cholesky(gram)
+}
+
+/// Efforts of the drives that move nothing, `Bᵀ·tau_act = 0`, as orthonormal columns, drives × (drives − freedoms):
+/// `data.internal_efforts`. The largest entry of a column is positive.
+///
+/// For the 4-UPS robot the one column is `v0` of [McDaid, eq. 8.7]: the legs pull the platform together.
+pub fn internal_efforts<'d>(model: &Model, data: &'d mut Data) -> &'d DMatrix<f64> {
+    let (n, found) = (model.n_act(), data.internal_efforts.ncols());
+    if found == 0 || !gram(model, data) {
+        data.internal_efforts.fill(0.0);
+        return &data.internal_efforts;
+    }
+    for column in 0..found {
+        // Of the unit efforts, the one that the drives' motion and the columns so far leave most of.
+        let mut best = (0.0, 0);
+        for unit in 0..n {
+            let left = remainder(data, unit, column);
+            if left > best.0 {
+                best = (left, unit);
+            }
+        }
+        let _ = remainder(data, best.1, column);
+        let largest = data.scratch[..n].iter().fold(0.0_f64, |top, x| if x.abs() > top.abs() { *x } else { top });
+        let length = crate::math::sqrt(best.0) * crate::math::sign(largest);
+        for i in 0..n {
+            data.internal_efforts[(i, column)] = data.scratch[i] / length;
+        }
+    }
+    &data.internal_efforts
+}
+
+/// What is left of the effort of drive `unit` alone when its motion part and the first `columns` columns are taken away, in
+/// `data.scratch`; its square.
+fn remainder(data: &mut Data, unit: usize, columns: usize) -> f64 {
+    let Data { gram, scratch, step, drive_jacobian, internal_efforts, .. } = data;
+    let (n, n_ind) = drive_jacobian.shape();
+    let (x, out) = (&mut step[..n_ind], &mut scratch[..n]);
+    for k in 0..n_ind {
+        x[k] = drive_jacobian[(unit, k)];
+    }
+    small::solve(gram, x);
+    for (i, o) in out.iter_mut().enumerate() {
+        let moves: f64 = (0..n_ind).map(|k| drive_jacobian[(i, k)] * x[k]).sum();
+        let taken: f64 = (0..columns).map(|c| internal_efforts[(unit, c)] * internal_efforts[(i, c)]).sum();
+        *o = f64::from(u8::from(i == unit)) - moves - taken;
+    }
+    out.iter().map(|x| x * x).sum()
+}

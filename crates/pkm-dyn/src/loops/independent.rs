@@ -1,0 +1,78 @@
+//! Which coordinates are independent: their motion determines all others.
+
+use alloc::vec::Vec;
+
+use nalgebra::DMatrix;
+
+use crate::data::Data;
+use crate::elimination::RANK_TOLERANCE;
+use crate::loops::gap::loop_gap;
+use crate::model::Model;
+
+/// How to choose the independent coordinates of a closed-loop robot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Choice {
+    /// The drives. Where there are more of them than freedoms (redundant actuation) those that determine the motion best; where there
+    /// are fewer, the drives alone: the rest is then not determined, and closing the loops says so.
+    Drives,
+    /// As many as there are freedoms: drives first, then the coordinates that the constraints determine worst. For mechanisms that move
+    /// with coordinates no drive holds.
+    Freedoms,
+    /// As many as there are freedoms, whichever are best conditioned, driven or not.
+    Pivoting,
+}
+
+/// Independent coordinates at the model's stated assembly, as joint indices: drives first and in their order, then others ascending.
+///
+/// By elimination with complete pivoting; coordinates without a pivot are the independent ones. Poses of the assembly are left in `data`.
+#[must_use]
+pub fn choose_independent(model: &Model, data: &mut Data, choice: Choice) -> Vec<usize> {
+    let drives = &model.actuators;
+    if !model.is_constrained() {
+        let others = (0..model.nv()).filter(|j| choice != Choice::Drives && !drives.contains(j));
+        return drives.iter().copied().chain(others).collect();
+    }
+    loop_gap(model, data, &model.assembly);
+    let passive = model.passive();
+    let stages = match choice {
+        Choice::Drives | Choice::Freedoms => alloc::vec![passive, drives.clone()],
+        Choice::Pivoting => alloc::vec![(0..model.nv()).collect()],
+    };
+    let pivots = pivot_columns(data.loop_jacobian.clone(), &stages);
+    let free = |j: &usize| !pivots.contains(j);
+    let driven: Vec<usize> = drives.iter().copied().filter(free).collect();
+    if choice == Choice::Drives && driven.len() == drives.len() {
+        return driven;
+    }
+    let others = (0..model.nv()).filter(|j| choice != Choice::Drives && !drives.contains(j) && free(j));
+    driven.iter().copied().chain(others).collect()
+}
+
+/// Columns that receive a pivot when those of each stage are used up before those of the next.
+fn pivot_columns(mut a: DMatrix<f64>, stages: &[Vec<usize>]) -> Vec<usize> {
+    let limit = RANK_TOLERANCE * a.amax();
+    let mut rows: Vec<usize> = (0..a.nrows()).collect();
+    let mut pivots = Vec::new();
+    for stage in stages {
+        loop {
+            let mut best = (limit, None);
+            for (at, &i) in rows.iter().enumerate() {
+                for &j in stage.iter().filter(|j| !pivots.contains(*j)) {
+                    if a[(i, j)].abs() > best.0 {
+                        best = (a[(i, j)].abs(), Some((at, j)));
+                    }
+                }
+            }
+            let (_, Some((at, j))) = best else { break };
+            let pivot = rows.swap_remove(at);
+            for &i in &rows {
+                let factor = a[(i, j)] / a[(pivot, j)];
+                for column in 0..a.ncols() {
+                    a[(i, column)] -= factor * a[(pivot, column)];
+                }
+            }
+            pivots.push(j);
+        }
+    }
+    pivots
+}
