@@ -5,8 +5,8 @@ use std::fs;
 use crate::python;
 use crate::shell::{answer, cargo, program, root, run};
 
-/// Version of Pinocchio the golden files are made with.
-const PINOCCHIO: &str = "pin==4.1.0";
+/// Version of Pinocchio the golden files are made with, and the one that is measured against.
+pub(crate) const PINOCCHIO: &str = "pin==4.1.0";
 
 /// Runs the cross-crate tests with many seeds; they read `PKM_LONG`, and write tables into the folder `PKM_RESULTS`, each under the
 /// commit in `PKM_COMMIT`.
@@ -20,7 +20,7 @@ pub(crate) fn long() -> Result<(), String> {
 }
 
 /// Short id of the commit, marked when files differ from it.
-fn commit() -> String {
+pub(crate) fn commit() -> String {
     let git = |arguments: &[&str]| answer(&mut program("git", arguments));
     let Some(id) = git(&["rev-parse", "--short=12", "HEAD"]) else { return "unknown".to_string() };
     let is_clean = git(&["status", "--porcelain"]).is_some_and(|lines| lines.is_empty());

@@ -4,6 +4,7 @@
 mod checks;
 mod chores;
 mod nostd;
+mod peers;
 mod prerequisites;
 mod python;
 mod shell;
@@ -14,6 +15,7 @@ const USAGE: &str = "\
 cargo xtask test [STEP ...]   everything CI runs, in order, up to the first failure; or only the steps named
 cargo xtask long              the long tier: PKM_LONG=1, tables into docs/results/
 cargo xtask bench [ARGS ...]  the benches; arguments go to criterion (`-- --quick`, a name)
+cargo xtask peers [ARGS ...]  pkm-dyn and Pinocchio's C++ in one run, into benches/README.md (`--rounds N`)
 cargo xtask wheel             the Python wheel, optimised, into target/wheels/
 cargo xtask golden            the golden files of tests/, anew, with Pinocchio
 
@@ -25,6 +27,7 @@ fn main() -> ExitCode {
     let outcome = match arguments.first().map(String::as_str) {
         Some("test") => checks::run_steps(&rest),
         Some("bench") => chores::bench(&rest),
+        Some("peers") => peers::peers(&rest),
         Some("long") => none(&rest).and_then(|()| chores::long()),
         Some("wheel") => none(&rest).and_then(|()| chores::wheel()),
         Some("golden") => none(&rest).and_then(|()| chores::golden()),

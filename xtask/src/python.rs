@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::prerequisites::PYTHON_PROGRAM;
-use crate::shell::{program, root, run, target};
+use crate::shell::{answer, program, root, run, target};
 
 /// The build tool of the wheel.
 const MATURIN: &str = "maturin>=1.9,<2";
@@ -26,6 +26,11 @@ fn name(stem: &str) -> String {
 /// Runs the environment's Python.
 pub(crate) fn python(programs: &Path, arguments: &[&str]) -> Result<(), String> {
     run(&mut program(programs.join(name("python")), arguments))
+}
+
+/// What a line of Python prints.
+pub(crate) fn printed(programs: &Path, code: &str) -> Result<String, String> {
+    answer(&mut program(programs.join(name("python")), &["-c", code])).ok_or_else(|| format!("Python cannot run {code:?}"))
 }
 
 /// Installs packages into the environment.
