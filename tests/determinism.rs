@@ -2,7 +2,10 @@
 //!
 //! A change of the constant is a change of results: it needs a reason in the change log, not a new number here.
 
-use pkm_dyn::inverse_dynamics::{actuated_regressor, inverse_dynamics};
+use pkm_dyn::aba::aba;
+use pkm_dyn::constrained::forward_dynamics;
+use pkm_dyn::crba::crba;
+use pkm_dyn::inverse_dynamics::{actuated_regressor, inverse_dynamics, loop_efforts};
 use pkm_dyn::loops::assemble;
 use pkm_dyn::urdf::parse;
 use pkm_dyn::{Data, Model};
@@ -53,6 +56,12 @@ fn hash_of_a_motion(model: &Model, motion: &Motion) -> u64 {
         assert!(inverse_dynamics(model, &mut data, &q, &v, &a).is_closed);
         data.q.iter().chain(&data.v).chain(&data.a).chain(&data.tau_act).for_each(|&x| hash.add(x));
         actuated_regressor(model, &mut data).iter().for_each(|&x| hash.add(x));
+        loop_efforts(model, &mut data).iter().for_each(|&x| hash.add(x));
+        let (q, v, tau) = (data.q.clone(), data.v.clone(), data.tau.clone());
+        assert!(forward_dynamics(model, &mut data, &q, &v, &tau).is_closed);
+        data.a.iter().chain(&data.lambda).for_each(|&x| hash.add(x));
+        crba(model, &mut data, &q).iter().for_each(|&x| hash.add(x));
+        aba(model, &mut data, &q, &v, &tau).iter().for_each(|&x| hash.add(x));
     }
     hash.0
 }

@@ -4,7 +4,7 @@ use core::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use pkm_dyn::loops::{assemble, mid_pose, solve_accelerations, solve_positions, solve_velocities, walk_to};
+use pkm_dyn::loops::{assemble, close_at, mid_pose, solve_accelerations, solve_velocities, walk_to};
 use pkm_dyn::model::{FrameOnBody, JointKind};
 use pkm_dyn::spatial::Pose;
 use pkm_dyn::{Data, Model};
@@ -13,6 +13,9 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 
 /// States of each robot: more than a branch predictor remembers.
 const STATES: usize = 2048;
+
+/// Samples of one motion of a closed-loop robot.
+const STRETCH: usize = 64;
 
 /// How long before a state the previous samples are `[s]`.
 pub(crate) const BEFORE_S: [f64; 2] = [1e-3, 10e-3];
@@ -32,6 +35,8 @@ pub(crate) struct State {
     pub(crate) before: [Vec<f64>; 2],
     /// Position, velocity and acceleration of the drives.
     pub(crate) drives: [Vec<f64>; 3],
+    /// Whether the state in front of this one is of another motion; else it is the sample a millisecond earlier.
+    pub(crate) is_first: bool,
 }
 
 /// A robot and its states.
@@ -130,7 +135,7 @@ fn open_states(model: &Model, dice: &mut Dice) -> Vec<State> {
         let n = model.nv();
         let (q, v, a, tau) = (dice.each(2.0, n), dice.each(3.0, n), dice.each(10.0, n), dice.each(30.0, n));
         let drives = [&q, &v, &a].map(|x| model.actuators.iter().map(|&j| x[j]).collect());
-        State { before: [q.clone(), q.clone()], q, v, a, tau, drives }
+        State { before: [q.clone(), q.clone()], q, v, a, tau, drives, is_first: true }
     };
     (0..STATES).map(draw).collect()
 }
@@ -141,41 +146,60 @@ fn closed_states(model: &Model, dice: &mut Dice) -> Vec<State> {
     assert!(assemble(model, &mut data).is_closed && walk_to(model, &mut data, &home).is_closed, "the loops close at mid travel");
     let centre = data.q.clone();
     let mut states = Vec::new();
-    for _ in 0..4 * STATES {
+    for _ in 0..STATES {
         data.q.copy_from_slice(&centre);
-        states.extend(closed_state(model, &mut data, &home, dice));
+        states.extend(stretch(model, &mut data, &home, dice).unwrap_or_default());
         if states.len() == STATES {
             return states;
         }
     }
-    panic!("{}: too many poses near mid travel do not close", model.name)
+    panic!("{}: too many motions near mid travel do not close", model.name)
 }
 
-/// A closed state near the pose in `data.q`, or none when the drawn one is out of reach or close to singular.
-fn closed_state(model: &Model, data: &mut Data, home: &[f64], dice: &mut Dice) -> Option<State> {
-    let n = home.len();
-    let q_act: Vec<f64> = home.iter().map(|c| c + dice.within(REACH_M)).collect();
-    let (v_act, a_act) = (dice.each(0.2, n), dice.each(4.0, n));
-    // Efforts at the drives alone: what a controller could send.
-    let mut tau = vec![0.0; model.nv()];
-    for &j in &model.actuators {
-        tau[j] = dice.within(300.0);
-    }
-    let closure = walk_to(model, data, &q_act);
+/// A short motion near the pose in `data.q`, one state a millisecond, or none when it leaves reach or comes close to singular.
+fn stretch(model: &Model, data: &mut Data, home: &[f64], dice: &mut Dice) -> Option<Vec<State>> {
+    let n = data.n_ind();
+    let start: Vec<f64> = home.iter().map(|c| c + dice.within(REACH_M)).collect();
+    let (speed, rate) = (dice.each(0.2, n), dice.each(4.0, n));
+    let closure = walk_to(model, data, &start);
     if !closure.is_closed || closure.pivot_ratio < REGULAR {
         return None;
     }
-    solve_velocities(model, data, &v_act);
-    solve_accelerations(model, data, &a_act);
-    let (q, v, a) = (data.q.clone(), data.v.clone(), data.a.clone());
-    let mut before = [Vec::new(), Vec::new()];
-    for (pose, t) in before.iter_mut().zip(BEFORE_S) {
-        let earlier: Vec<f64> = (0..n).map(|k| q_act[k] - t * v_act[k] + 0.5 * t * t * a_act[k]).collect();
-        data.q.copy_from_slice(&q);
-        if !solve_positions(model, data, &earlier).is_closed {
-            return None;
+    // Drives that follow the others are where the loops put them.
+    let start: Vec<f64> = data.independent.iter().map(|&j| data.q[j]).collect();
+    let mut states = Vec::new();
+    for k in 0..STRETCH {
+        let t = 1e-3 * k as f64;
+        let at = |t: f64| -> Vec<f64> { (0..n).map(|k| start[k] + t * speed[k] + 0.5 * t * t * rate[k]).collect() };
+        let v_ind: Vec<f64> = (0..n).map(|k| speed[k] + t * rate[k]).collect();
+        let mut before = [Vec::new(), Vec::new()];
+        for (pose, ago) in before.iter_mut().zip(BEFORE_S) {
+            close(model, data, &at(t - ago))?;
+            pose.clone_from(&data.q);
         }
-        pose.clone_from(&data.q);
+        close(model, data, &at(t))?;
+        let given = |x: &[f64], free: &[f64]| -> Vec<f64> {
+            let of = |j: &usize| data.independent.iter().position(|i| i == j).map_or(free[*j], |k| x[k]);
+            model.actuators.iter().map(of).collect()
+        };
+        let (q_act, v_act, a_act) = (given(&at(t), &data.q), given(&v_ind, &data.v), given(&rate, &data.a));
+        solve_velocities(model, data, &v_act);
+        solve_accelerations(model, data, &a_act);
+        let (q, v, a) = (data.q.clone(), data.v.clone(), data.a.clone());
+        let mut tau = vec![0.0; model.nv()];
+        // Efforts at the drives alone: what a controller could send.
+        for &j in &model.actuators {
+            tau[j] = dice.within(300.0);
+        }
+        states.push(State { q, v, a, tau, before, drives: [q_act, v_act, a_act], is_first: k == 0 });
     }
-    Some(State { q, v, a, tau, before, drives: [q_act, v_act, a_act] })
+    Some(states)
+}
+
+/// Closes the loops with the independent coordinates at `q_ind`; nothing where they do not close.
+fn close(model: &Model, data: &mut Data, q_ind: &[f64]) -> Option<()> {
+    for (k, &j) in data.independent.iter().enumerate() {
+        data.q[j] = q_ind[k];
+    }
+    close_at(model, data).is_closed.then_some(())
 }

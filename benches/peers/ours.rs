@@ -4,11 +4,15 @@ use core::hint::black_box;
 use std::time::Instant;
 
 use pkm_dyn::Data;
-use pkm_dyn::inverse_dynamics::{closed_loop_motion, inverse_dynamics};
+use pkm_dyn::aba::aba;
+use pkm_dyn::constrained::forward_dynamics;
+use pkm_dyn::crba::crba;
+use pkm_dyn::inverse_dynamics::{closed_loop_motion, inverse_dynamics, inverse_dynamics_at};
+use pkm_dyn::jacobian::joint_jacobians;
 use pkm_dyn::kinematics::{forward_accelerations, forward_kinematics, forward_velocities};
-use pkm_dyn::loops::{reduction, solve_accelerations, solve_positions, solve_velocities};
+use pkm_dyn::loops::{solve_accelerations, solve_positions, solve_velocities};
 use pkm_dyn::regressor::joint_torque_regressor;
-use pkm_dyn::rnea::rnea;
+use pkm_dyn::rnea::{nle, rnea};
 
 use crate::case::{Case, State};
 
@@ -59,31 +63,68 @@ pub(crate) const ALGORITHMS: &[Algorithm] = &[
         result: motion,
     },
     Algorithm {
-        name: "efforts of the drives, motion of the tree known",
+        name: "nle",
+        theirs: &["nle"],
+        is_closed_loop: false,
+        call: |c, d, s| {
+            black_box(nle(&c.model, d, &s.q, &s.v));
+        },
+        result: |_, d, out| out.extend(&d.tau),
+    },
+    Algorithm {
+        name: "crba",
+        theirs: &["crba_local", "crba_world"],
+        is_closed_loop: false,
+        call: |c, d, s| {
+            black_box(crba(&c.model, d, &s.q));
+        },
+        result: |_, d, out| out.extend(d.mass_matrix.iter()),
+    },
+    Algorithm {
+        name: "aba",
+        theirs: &["aba_local", "aba_world"],
+        is_closed_loop: false,
+        call: |c, d, s| {
+            black_box(aba(&c.model, d, &s.q, &s.v, &s.tau));
+        },
+        result: |_, d, out| out.extend(&d.a),
+    },
+    Algorithm {
+        name: "joint_jacobians",
+        theirs: &["joint_jacobians"],
+        is_closed_loop: false,
+        call: |c, d, s| {
+            black_box(joint_jacobians(&c.model, d, &s.q));
+        },
+        result: |_, d, out| out.extend(d.jacobian.iter()),
+    },
+    Algorithm {
+        name: "forward_dynamics, loops closed",
+        theirs: &["forward_dynamics"],
+        is_closed_loop: true,
+        call: |c, d, s| {
+            let _ = black_box(forward_dynamics(&c.model, d, &s.q, &s.v, &s.tau));
+        },
+        result: |_, d, out| out.extend(&d.a),
+    },
+    Algorithm {
+        name: "inverse_dynamics_at, loops closed",
         theirs: &["effort"],
         is_closed_loop: true,
         call: |c, d, s| {
-            d.q.copy_from_slice(&s.q);
-            // Closed already: takes the Jacobian and its factors, no step.
-            let _ = solve_positions(&c.model, d, &s.drives[0]);
-            reduction(&c.model, d);
-            rnea(&c.model, d, &s.q, &s.v, &s.a);
-            for k in 0..d.tau_act.len() {
-                d.tau_act[k] = d.reduction.column(k).iter().zip(&d.tau).map(|(g, t)| g * t).sum();
-            }
-            black_box(&d.tau_act);
+            let _ = black_box(inverse_dynamics_at(&c.model, d, &s.q, &s.v, &s.a));
         },
         result: |_, d, out| out.extend(&d.tau_act),
     },
     Algorithm {
-        name: "inverse_dynamics, from 1 ms before",
+        name: "inverse_dynamics, following at 1 kHz",
         theirs: &["step_1ms"],
         is_closed_loop: true,
         call: |c, d, s| step(c, d, s, 0),
         result: |_, d, out| out.extend(&d.tau_act),
     },
     Algorithm {
-        name: "inverse_dynamics, from 10 ms before",
+        name: "inverse_dynamics, from a pose 10 ms before",
         theirs: &["step_10ms"],
         is_closed_loop: true,
         call: |c, d, s| step(c, d, s, 1),
@@ -91,8 +132,16 @@ pub(crate) const ALGORITHMS: &[Algorithm] = &[
     },
 ];
 
+/// The sample a millisecond before is the state before: what `data` knows of it serves, as it does in a loop. Ten milliseconds before
+/// there is only the pose.
+fn begin(data: &mut Data, s: &State, before: usize) {
+    if before > 0 || s.is_first {
+        data.q.copy_from_slice(&s.before[before]);
+    }
+}
+
 fn step(case: &Case, data: &mut Data, s: &State, before: usize) {
-    data.q.copy_from_slice(&s.before[before]);
+    begin(data, s, before);
     let [q, v, a] = &s.drives;
     let _ = black_box(inverse_dynamics(&case.model, data, q, v, a));
 }
@@ -139,14 +188,14 @@ type Part = fn(&Case, &mut Data, &State, usize);
 
 /// Parts of one step of a computed-torque controller, each with those before it.
 pub(crate) const PARTS: [(&str, Part); 3] = [
-    ("passive q, v, a", |c, d, s, before| {
-        d.q.copy_from_slice(&s.before[before]);
+    ("passive q, v, a and reduction", |c, d, s, before| {
+        begin(d, s, before);
         let _ = black_box(solve_positions(&c.model, d, &s.drives[0]));
         solve_velocities(&c.model, d, &s.drives[1]);
         solve_accelerations(&c.model, d, &s.drives[2]);
     }),
-    ("… + reduction", |c, d, s, before| {
-        d.q.copy_from_slice(&s.before[before]);
+    ("… + motion of the bodies", |c, d, s, before| {
+        begin(d, s, before);
         let [q, v, a] = &s.drives;
         let _ = black_box(closed_loop_motion(&c.model, d, q, v, a));
     }),
@@ -157,7 +206,7 @@ pub(crate) const PARTS: [(&str, Part); 3] = [
 pub(crate) fn mean_steps(case: &Case, data: &mut Data, before: usize) -> f64 {
     let mut steps = 0;
     for s in &case.states {
-        data.q.copy_from_slice(&s.before[before]);
+        begin(data, s, before);
         steps += solve_positions(&case.model, data, &s.drives[0]).iterations;
     }
     steps as f64 / case.states.len() as f64

@@ -6,14 +6,13 @@
 
 use nalgebra::DMatrix;
 
-use crate::crba::inertias;
+use crate::crba::composites;
 use crate::data::Data;
-use crate::inverse_dynamics::{partial_motions, tree_accelerations, tree_efforts};
+use crate::inverse_dynamics::{tree_accelerations, tree_efforts};
 use crate::kinematics::{forward_kinematics, world_velocities};
 use crate::loops::{Closure, add_drift, close_at, expand, factor_at, loop_drift, reduced, reduction};
 use crate::model::Model;
 use crate::small;
-use crate::spatial::Force;
 
 /// How gaps of a simulated robot are brought back: `J·a + drift + 2·rate·J·v + rate²·gap = 0`.
 ///
@@ -29,29 +28,31 @@ pub struct Stabilisation {
 ///
 /// Call [`crate::loops::solve_positions`] (or anything that closes the loops) first.
 pub fn reduced_mass_matrix<'d>(model: &Model, data: &'d mut Data) -> &'d DMatrix<f64> {
-    inertias(model, data);
-    partial_motions(model, data);
-    let n = data.n_ind();
-    let Data { reduced_mass_matrix, momentum_w, partial_w, inertia_w, reduction, .. } = data;
-    reduced_mass_matrix.fill(0.0);
+    composites(model, data);
+    let (n, nv) = (data.n_ind(), model.nv());
+    let Data { reduced_mass_matrix, mass_matrix, mass_reduction, reduction, .. } = data;
+    let (m, g) = (mass_matrix.as_slice(), reduction.as_slice());
+    mass_reduction.fill(0.0);
     for (i, joint) in model.joints.iter().enumerate() {
-        let (partial, momentum) = (&partial_w[i * n..(i + 1) * n], &mut momentum_w[i * n..(i + 1) * n]);
-        let is_massless = model.bodies[i].is_massless();
         for k in 0..n {
-            momentum[k] = if is_massless { Force::zero() } else { inertia_w[i].apply(&partial[k]) };
+            mass_reduction[i * n + k] += m[i * nv + i] * g[k * nv + i];
         }
-        if is_massless && joint.armature == 0.0 {
-            continue;
-        }
-        for k in 0..n {
-            for l in 0..=k {
-                let rotor = joint.armature * reduction[(i, k)] * reduction[(i, l)];
-                let value = partial[l].dot(&momentum[k]) + rotor;
-                reduced_mass_matrix[(k, l)] += value;
-                if l < k {
-                    reduced_mass_matrix[(l, k)] += value;
-                }
+        // Only joints on one branch share inertia.
+        let mut at = joint.parent;
+        while let Some(j) = at {
+            let shared = m[i * nv + j];
+            for k in 0..n {
+                mass_reduction[i * n + k] += shared * g[k * nv + j];
+                mass_reduction[j * n + k] += shared * g[k * nv + i];
             }
+            at = model.joints[j].parent;
+        }
+    }
+    for k in 0..n {
+        for l in 0..=k {
+            let value: f64 = (0..nv).map(|i| g[l * nv + i] * mass_reduction[i * n + k]).sum();
+            reduced_mass_matrix[(k, l)] = value;
+            reduced_mass_matrix[(l, k)] = value;
         }
     }
     &data.reduced_mass_matrix
@@ -62,7 +63,8 @@ pub fn reduced_mass_matrix<'d>(model: &Model, data: &'d mut Data) -> &'d DMatrix
 ///
 /// `q` `[m | rad]`, `v` `[m/s | rad/s]`, `tau` `[N | N·m]`: nv each; passive joints have effort zero, or their friction. `q` and `v` are
 /// taken to close the loops; the gap is in the result. Not closed also means that the independent coordinates do not determine the
-/// others ([`crate::loops::Choice`]) or that a freedom has no inertia.
+/// others ([`crate::loops::Choice`]) or that a freedom has no inertia. `data.tau` is `M·a + nle`; wrenches in joints take
+/// [`crate::inverse_dynamics::inverse_dynamics_at`] with these accelerations.
 #[doc(alias = "constraintDynamics")]
 pub fn forward_dynamics(model: &Model, data: &mut Data, q: &[f64], v: &[f64], tau: &[f64]) -> Closure {
     stabilised_forward_dynamics(model, data, q, v, tau, Stabilisation::default())
@@ -92,7 +94,7 @@ pub fn stabilised_forward_dynamics(
     gram.copy_from(reduced_mass_matrix);
     closure.is_closed &= small::cholesky(gram);
     small::solve(&data.gram, &mut a_ind);
-    accelerate(model, data, &a_ind);
+    accelerate(data, &a_ind);
     data.tau_ind = a_ind;
     if model.is_constrained() {
         let Data { tau: needed, lambda, dependent, elimination, .. } = data;
@@ -127,29 +129,20 @@ fn at_state(model: &Model, data: &mut Data, q: &[f64], v: &[f64], stabilisation:
     closure
 }
 
-/// Adds the freedoms' accelerations to `data.a` and what they need to `data.tau`, `data.force_w`.
-fn accelerate(model: &Model, data: &mut Data, a_ind: &[f64]) {
-    let n = data.n_ind();
+/// Adds the freedoms' accelerations to `data.a` and what they need to `data.tau`.
+fn accelerate(data: &mut Data, a_ind: &[f64]) {
+    let n = a_ind.len();
     if n == 0 {
         return;
     }
-    let mut step = core::mem::take(&mut data.scratch);
-    expand(data, a_ind, &mut step[..model.nv()]);
-    // Momenta per freedom are there already: no second pass over the bodies' motion.
-    for i in (0..model.nv()).rev() {
-        let own = data.momentum_w[i * n..(i + 1) * n].iter().zip(a_ind).fold(Force::zero(), |sum, (m, a)| sum + *m * *a);
-        data.momentum_w[i * n] = own;
+    for (tau, row) in data.tau.iter_mut().zip(data.mass_reduction.chunks_exact(n)) {
+        *tau += row.iter().zip(a_ind).map(|(m, a)| m * a).sum::<f64>();
     }
-    for (i, joint) in model.joints.iter().enumerate().rev() {
-        let force = data.momentum_w[i * n];
-        data.tau[i] += data.axis_w[i].dot(&force) + joint.armature * step[i];
-        data.force_w[i] += force;
-        data.a[i] += step[i];
-        if let Some(p) = joint.parent {
-            data.momentum_w[p * n] += force;
+    for (column, x) in data.reduction.column_iter().zip(a_ind) {
+        for (a, g) in data.a.iter_mut().zip(column.iter()) {
+            *a += g * x;
         }
     }
-    data.scratch = step;
 }
 
 /// Brings a state back onto closed loops: dependent coordinates and velocities are solved for, independent ones kept.

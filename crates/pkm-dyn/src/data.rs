@@ -85,8 +85,10 @@ pub struct Data {
     pub(crate) articulated: Vec<Articulated>,
     /// Motion of each body per unit of each independent coordinate, body by body.
     pub(crate) partial_w: Vec<Motion>,
-    /// Momentum of each body per unit of each independent coordinate.
-    pub(crate) momentum_w: Vec<Force>,
+    /// Mass matrix of the tree times the reduction, joint by joint.
+    pub(crate) mass_reduction: Vec<f64>,
+    /// Frames a and b of each loop in the root frame; the orientation of b only where the loop forbids turns.
+    pub(crate) ends: Vec<[Pose; 2]>,
     pub(crate) paths: Vec<Path>,
     pub(crate) elimination: Elimination,
     /// Tree coordinates at which `elimination` and `reduction` hold.
@@ -157,7 +159,8 @@ impl Data {
             inertia_w: vec![Inertia::default(); nv],
             articulated: vec![Articulated::default(); nv],
             partial_w: vec![Motion::zero(); nv * n_ind],
-            momentum_w: vec![Force::zero(); nv * n_ind],
+            mass_reduction: vec![0.0; nv * n_ind],
+            ends: vec![[Pose::identity(); 2]; model.loops.len()],
             paths: model.loops.iter().map(|l| Path::of(model, l)).collect(),
             elimination: Elimination::new(rows, dependent.len()),
             reduced_at: vec![f64::NAN; nv],

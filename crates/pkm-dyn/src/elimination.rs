@@ -19,9 +19,12 @@ pub struct Elimination {
     col_order: Vec<usize>,
     /// Pivots when the order was chosen; empty when there is no order to keep.
     chosen: Vec<f64>,
+    inverse_pivots: Vec<f64>,
     rank: usize,
     smallest_pivot_ratio: f64,
     scratch: Vec<f64>,
+    /// Unknowns of up to four right sides.
+    work: Vec<f64>,
 }
 
 /// Pivots below this share of the largest entry count as zero: far above rounding (1e-16) and far below any pivot of a
@@ -42,9 +45,11 @@ impl Elimination {
             row_order: (0..rows).collect(),
             col_order: (0..cols).collect(),
             chosen: Vec::with_capacity(rows.min(cols)),
+            inverse_pivots: vec![0.0; rows.min(cols)],
             rank: 0,
             smallest_pivot_ratio: 0.0,
             scratch: vec![0.0; rows.max(cols)],
+            work: vec![0.0; 4 * cols],
         }
     }
 
@@ -153,6 +158,7 @@ impl Elimination {
         let (above, below) = self.lu.split_at_mut((k + 1) * n);
         let pivot_row = &above[k * n..];
         let inverse = 1.0 / pivot_row[k];
+        self.inverse_pivots[k] = inverse;
         for row in below.chunks_exact_mut(n) {
             // Legs of a parallel robot meet at the platform only: most entries below a pivot are zero.
             if row[k] != 0.0 {
@@ -205,13 +211,61 @@ impl Elimination {
         for k in (0..r).rev() {
             let row = &self.lu[k * n..k * n + r];
             let sum = row[k + 1..].iter().zip(&self.scratch[k + 1..r]).fold(self.scratch[k], |sum, (u, x)| sum - u * x);
-            self.scratch[k] = sum / row[k];
+            self.scratch[k] = sum * self.inverse_pivots[k];
         }
         if r < n {
             x.fill(0.0);
         }
         for k in 0..r {
             x[self.col_order[k]] = self.scratch[k];
+        }
+    }
+
+    /// As [`Elimination::solve`], for several right sides: `b(i, k)` is entry `i` of right side `k`, and `put(j, k, x)` receives unknown
+    /// `j` of it. A pass over the factors serves up to four of them.
+    pub fn solve_many(&mut self, n_sides: usize, b: impl Fn(usize, usize) -> f64, mut put: impl FnMut(usize, usize, f64)) {
+        let mut first = 0;
+        while first < n_sides {
+            match n_sides - first {
+                1 => self.solve_block::<1>(first, &b, &mut put),
+                2 => self.solve_block::<2>(first, &b, &mut put),
+                3 => self.solve_block::<3>(first, &b, &mut put),
+                _ => self.solve_block::<4>(first, &b, &mut put),
+            }
+            first += 4;
+        }
+    }
+
+    fn solve_block<const M: usize>(&mut self, first: usize, b: &impl Fn(usize, usize) -> f64, put: &mut impl FnMut(usize, usize, f64)) {
+        let (n, r) = (self.cols, self.rank);
+        let (work, _) = self.work.as_chunks_mut::<M>();
+        for k in 0..r {
+            let row = self.row_order[k];
+            let mut sum: [f64; M] = core::array::from_fn(|s| b(row, first + s));
+            for (l, y) in self.lu[k * n..k * n + k].iter().zip(work.iter()) {
+                for s in 0..M {
+                    sum[s] -= l * y[s];
+                }
+            }
+            work[k] = sum;
+        }
+        for k in (0..r).rev() {
+            let mut sum = work[k];
+            for (u, y) in self.lu[k * n + k + 1..k * n + r].iter().zip(&work[k + 1..r]) {
+                for s in 0..M {
+                    sum[s] -= u * y[s];
+                }
+            }
+            for (s, x) in sum.iter_mut().enumerate() {
+                *x *= self.inverse_pivots[k];
+                put(self.col_order[k], first + s, *x);
+            }
+            work[k] = sum;
+        }
+        for &j in &self.col_order[r..] {
+            for s in 0..M {
+                put(j, first + s, 0.0);
+            }
         }
     }
 
@@ -226,7 +280,7 @@ impl Elimination {
             self.scratch[k] = c(self.col_order[k]);
         }
         for k in 0..r {
-            let z = self.scratch[k] / self.lu[k * n + k];
+            let z = self.scratch[k] * self.inverse_pivots[k];
             self.scratch[k] = z;
             for j in k + 1..r {
                 self.scratch[j] -= self.lu[k * n + j] * z;
@@ -289,6 +343,21 @@ mod tests {
         for j in 0..3 {
             let sum: f64 = (0..4).map(|i| a[i][j] * y[i]).sum();
             assert!((sum - c[j]).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn many_right_sides_are_solved_as_each_alone() {
+        let a = [[2.0, 1.0, 0.0], [0.0, 3.0, -1.0], [2.0, 1.0, 0.0], [0.5, 4.0, 2.0]];
+        let b = |i: usize, k: usize| (0..3).map(|j| a[i][j] * [[0.7, -1.3, 0.2], [1.0, 0.0, 4.0]][k][j]).sum::<f64>();
+        let mut e = Elimination::new(4, 3);
+        e.factor(|i, j| a[i][j]);
+        // Six sides: a block of four, then one of two.
+        let (mut x, mut one) = ([[f64::NAN; 3]; 6], [0.0; 3]);
+        e.solve_many(6, |i, k| b(i, k % 2) * k as f64, |j, k, value| x[k][j] = value);
+        for (k, x) in x.iter().enumerate() {
+            e.solve(|i| b(i, k % 2) * k as f64, &mut one);
+            assert!((0..3).all(|j| (one[j] - x[j]).abs() < 1e-14), "{x:?} {one:?}");
         }
     }
 

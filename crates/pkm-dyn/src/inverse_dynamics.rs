@@ -3,8 +3,8 @@
 use nalgebra::DMatrix;
 
 use crate::data::Data;
-use crate::kinematics::world_accelerations;
-use crate::loops::{Closure, distribute, reduced, solve_accelerations, solve_positions, solve_velocities};
+use crate::kinematics::{forward_kinematics, world_accelerations, world_velocities};
+use crate::loops::{Closure, distribute, factor_at, reduced, reduction, solve_accelerations, solve_positions, solve_velocities};
 use crate::math;
 use crate::model::Model;
 use crate::parameters::{InertialParameters, N_INERTIAL};
@@ -35,6 +35,21 @@ pub(crate) fn tree_accelerations(model: &Model, data: &mut Data) {
 #[doc(alias = "closed-loop inverse dynamics")]
 pub fn inverse_dynamics(model: &Model, data: &mut Data, q_act: &[f64], v_act: &[f64], a_act: &[f64]) -> Closure {
     let closure = closed_loop_motion(model, data, q_act, v_act, a_act);
+    rigid_effort(model, data);
+    closure
+}
+
+/// As [`inverse_dynamics`], for a motion of the whole tree that is known: `q` `[m | rad]`, `v` `[m/s | rad/s]`, `a` `[m/s² | rad/s²]`, nv
+/// each. It is taken to close the loops; the gap is in the result.
+pub fn inverse_dynamics_at(model: &Model, data: &mut Data, q: &[f64], v: &[f64], a: &[f64]) -> Closure {
+    forward_kinematics(model, data, q);
+    data.q.copy_from_slice(q);
+    data.v.copy_from_slice(v);
+    data.a.copy_from_slice(a);
+    let closure = factor_at(model, data);
+    reduction(model, data);
+    world_velocities(model, data, v);
+    tree_accelerations(model, data);
     rigid_effort(model, data);
     closure
 }

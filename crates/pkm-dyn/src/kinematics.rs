@@ -29,7 +29,7 @@ pub fn forward_kinematics(model: &Model, data: &mut Data, q: &[f64]) {
             None => x,
         };
         data.pose_wb[i] = in_root;
-        let axis = in_root.rotation * joint.axis;
+        let axis = joint.axis_in(&in_root.rotation);
         data.axis_w[i] = match joint.kind {
             crate::model::JointKind::Revolute => Motion { linear: in_root.translation.cross(&axis), angular: axis },
             crate::model::JointKind::Prismatic => Motion { linear: axis, angular: Vector3::zeros() },
@@ -112,12 +112,18 @@ pub fn frame_pose(data: &Data, frame: &FrameOnBody) -> Pose {
     frame.body.map_or(frame.pose, |b| data.pose_wb[b].compose(&frame.pose))
 }
 
+/// Origin of a frame in the root frame `[m]`. Call [`forward_kinematics`] first.
+#[must_use]
+#[inline]
+pub fn frame_point(data: &Data, frame: &FrameOnBody) -> Vector3<f64> {
+    frame.body.map_or(frame.pose.translation, |b| data.pose_wb[b].transform_point(&frame.pose.translation))
+}
+
 /// Velocity of a frame's origin in the root's axes `[m/s]`, `[rad/s]` (Pinocchio's `LOCAL_WORLD_ALIGNED`). Call [`world_velocities`] first.
 #[must_use]
 #[doc(alias = "getFrameVelocity")]
 pub fn frame_velocity(data: &Data, frame: &FrameOnBody) -> Motion {
-    let Some(b) = frame.body else { return Motion::zero() };
-    data.velocity_w[b].at(&data.pose_wb[b].transform_point(&frame.pose.translation))
+    frame.body.map_or_else(Motion::zero, |b| data.velocity_w[b].at(&frame_point(data, frame)))
 }
 
 /// Acceleration of a frame's origin in the root's axes `[m/s²]`, `[rad/s²]`: the second derivative of its position. Call
@@ -126,7 +132,7 @@ pub fn frame_velocity(data: &Data, frame: &FrameOnBody) -> Motion {
 #[doc(alias = "getFrameClassicalAcceleration")]
 pub fn frame_acceleration(data: &Data, frame: &FrameOnBody) -> Motion {
     let Some(b) = frame.body else { return Motion::zero() };
-    let p = data.pose_wb[b].transform_point(&frame.pose.translation);
+    let p = frame_point(data, frame);
     let (v, a) = (data.velocity_w[b].at(&p), data.acceleration_w[b].at(&p));
     Motion { linear: a.linear + v.angular.cross(&v.linear), angular: a.angular }
 }

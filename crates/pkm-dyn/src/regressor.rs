@@ -13,38 +13,26 @@ use crate::spatial::skew;
 /// Columns are grouped by body, inside a body in the order of [`crate::parameters::NAMES`].
 #[doc(alias = "computeJointTorqueRegressor")]
 pub fn joint_torque_regressor<'d>(model: &Model, data: &'d mut Data, q: &[f64], v: &[f64], a: &[f64]) -> &'d DMatrix<f64> {
-    joint_poses(model, data, q);
+    forward_kinematics(model, data, q);
     forward_velocities(model, data, v);
     forward_accelerations(model, data, a);
     fill(model, data);
     &data.joint_torque_regressor
 }
 
-/// Fills the regressor from the bodies' motion in their own frames.
+/// Fills the regressor from the bodies' motion in their own frames. Entries of joints that do not carry a body are zero from the start.
 fn fill(model: &Model, data: &mut Data) {
-    data.joint_torque_regressor.fill(0.0);
-    for i in 0..model.nv() {
-        let (v, a) = (&data.velocity[i], &data.acceleration[i]);
+    let nv = model.nv();
+    for i in 0..nv {
+        let (v, a, x) = (&data.velocity[i], &data.acceleration[i], &data.pose_wb[i]);
         let columns = wrench_columns(&(a.linear + v.angular.cross(&v.linear)), &v.angular, &a.angular);
-        // The unit motion of each joint that carries the body, seen from the body: one motion travels, not ten wrenches.
-        let (mut rotation, mut origin) = (Matrix3::identity(), Vector3::zeros());
-        let mut at = i;
-        loop {
-            let joint = &model.joints[at];
-            // `rotation`, `origin`: pose of body `at` in body `i`.
-            let axis = rotation * joint.axis;
-            let (linear, angular) = match joint.kind {
-                crate::model::JointKind::Revolute => (origin.cross(&axis), axis),
-                crate::model::JointKind::Prismatic => (axis, Vector3::zeros()),
-            };
-            let row = at;
-            let y = &mut data.joint_torque_regressor;
-            columns.project(&linear, &angular, |c, value| y[(row, N_INERTIAL * i + c)] = value);
-            let Some(p) = joint.parent else { break };
-            let back = data.pose_pb[at].inverse();
-            origin += rotation * back.translation;
-            rotation *= back.rotation;
-            at = p;
+        let y = &mut data.joint_torque_regressor.as_mut_slice()[N_INERTIAL * nv * i..N_INERTIAL * nv * (i + 1)];
+        let mut at = Some(i);
+        while let Some(j) = at {
+            // The joint's unit motion at the body's origin in its axes: one motion travels, not ten wrenches.
+            let s = data.axis_w[j].at(&x.translation);
+            columns.project(&x.rotation.tr_mul(&s.linear), &x.rotation.tr_mul(&s.angular), |c, value| y[c * nv + j] = value);
+            at = model.joints[j].parent;
         }
     }
 }

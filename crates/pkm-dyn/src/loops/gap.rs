@@ -5,15 +5,19 @@ use alloc::vec::Vec;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::data::Data;
-use crate::kinematics::{forward_kinematics, frame_acceleration, frame_pose, frame_velocity};
+use crate::kinematics::{forward_kinematics, frame_point, frame_pose};
 use crate::math;
-use crate::model::{LoopClosure, Model};
+use crate::model::{FrameOnBody, LoopClosure, Model};
 use crate::spatial::{Motion, Pose, log3, skew};
 
 /// The joints between the two ends of a loop, with the sign by which they move b against a. Joints that carry both ends move neither
 /// against the other.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Path(Vec<(usize, f64)>);
+pub(crate) struct Path {
+    joints: Vec<(usize, f64)>,
+    /// Whether the loop forbids the three translations and nothing else: the commonest loop of parallel robots, and the cheapest.
+    is_ball: bool,
+}
 
 impl Path {
     pub(crate) fn of(model: &Model, closure: &LoopClosure) -> Self {
@@ -28,7 +32,7 @@ impl Path {
                 at = model.joints[j].parent;
             }
         }
-        Self(joints)
+        Self { joints, is_ball: closure.constrain == [true, true, true, false, false, false] }
     }
 }
 
@@ -49,8 +53,18 @@ pub(crate) fn gap_rows(model: &Model, data: &mut Data, q: &[f64]) {
         data.loop_gap[row] = c.of.iter().fold(q[c.joint] - c.offset, |gap, &(j, ratio)| gap - ratio * q[j]);
         row += 1;
     }
-    for closure in &model.loops {
-        let (a, b) = (frame_pose(data, &closure.a), frame_pose(data, &closure.b));
+    for (l, closure) in model.loops.iter().enumerate() {
+        let a = frame_pose(data, &closure.a);
+        if data.paths[l].is_ball {
+            let b = frame_point(data, &closure.b);
+            data.ends[l] = [a, Pose { rotation: a.rotation, translation: b }];
+            let arm = a.rotation.tr_mul(&(b - a.translation));
+            data.loop_gap[row..row + 3].copy_from_slice(arm.as_slice());
+            row += 3;
+            continue;
+        }
+        let b = frame_pose(data, &closure.b);
+        data.ends[l] = [a, b];
         let arm = a.rotation.tr_mul(&(b.translation - a.translation));
         let turn = if closure.forbids_turns() { log3(&a.rotation.tr_mul(&b.rotation)) } else { Vector3::zeros() };
         for k in closure.rows() {
@@ -60,21 +74,31 @@ pub(crate) fn gap_rows(model: &Model, data: &mut Data, q: &[f64]) {
     }
 }
 
-/// `data.loop_jacobian` for the poses in `data`.
+/// `data.loop_jacobian` for the poses in `data`, after [`gap_rows`]. Entries of joints that move no loop are zero from the start.
 pub(crate) fn jacobian_rows(model: &Model, data: &mut Data) {
-    data.loop_jacobian.fill(0.0);
     for (row, c) in model.couplings.iter().enumerate() {
+        data.loop_jacobian.row_mut(row).fill(0.0);
         data.loop_jacobian[(row, c.joint)] = 1.0;
         for &(j, ratio) in &c.of {
             data.loop_jacobian[(row, j)] -= ratio;
         }
     }
     let mut first = model.couplings.len();
-    for (closure, path) in model.loops.iter().zip(&data.paths) {
-        let (a, b) = (frame_pose(data, &closure.a), frame_pose(data, &closure.b));
+    let rows = data.loop_jacobian.nrows();
+    for ((closure, path), [a, b]) in model.loops.iter().zip(&data.paths).zip(&data.ends) {
+        if path.is_ball {
+            for &(j, sign) in &path.joints {
+                let s = &data.axis_w[j];
+                let p = a.rotation.tr_mul(&(s.linear + s.angular.cross(&b.translation))) * sign;
+                let at = j * rows + first;
+                data.loop_jacobian.as_mut_slice()[at..at + 3].copy_from_slice(p.as_slice());
+            }
+            first += 3;
+            continue;
+        }
         let to_a = a.rotation.transpose();
         let to_turn = closure.forbids_turns().then(|| left_jacobian_inverse(&log3(&(to_a * b.rotation))));
-        for &(j, sign) in &path.0 {
+        for &(j, sign) in &path.joints {
             // Velocity, per unit of this joint, of the point at b's origin.
             let s = data.axis_w[j];
             let p = to_a * (s.linear + s.angular.cross(&b.translation)) * sign;
@@ -100,8 +124,8 @@ pub fn loop_drift(model: &Model, data: &mut Data) {
         let parent = joint.parent.map_or_else(Motion::zero, |p| data.acceleration_w[p]);
         data.acceleration_w[i] = parent + data.coriolis_w[i];
     }
-    for closure in &model.loops {
-        let (linear, angular) = relative_drift(data, closure);
+    for (l, closure) in model.loops.iter().enumerate() {
+        let (linear, angular) = relative_drift(data, closure, l);
         for k in closure.rows() {
             data.loop_drift[row] = if k < 3 { linear[k] } else { angular[k - 3] };
             row += 1;
@@ -109,10 +133,10 @@ pub fn loop_drift(model: &Model, data: &mut Data) {
     }
 }
 
-fn relative_drift(data: &Data, closure: &LoopClosure) -> (Vector3<f64>, Vector3<f64>) {
-    let (a, b) = (frame_pose(data, &closure.a), frame_pose(data, &closure.b));
-    let (va, vb) = (frame_velocity(data, &closure.a), frame_velocity(data, &closure.b));
-    let (aa, ab) = (frame_acceleration(data, &closure.a), frame_acceleration(data, &closure.b));
+fn relative_drift(data: &Data, closure: &LoopClosure, l: usize) -> (Vector3<f64>, Vector3<f64>) {
+    let [a, b] = &data.ends[l];
+    let (va, aa) = point_motion(data, &closure.a, &a.translation);
+    let (vb, ab) = point_motion(data, &closure.b, &b.translation);
     let to_a = a.rotation.transpose();
     let d = b.translation - a.translation;
     let (wa, wb) = (va.angular, vb.angular);
@@ -127,6 +151,13 @@ fn relative_drift(data: &Data, closure: &LoopClosure) -> (Vector3<f64>, Vector3<
     let w_dot = to_a * (ab.angular - aa.angular - wa.cross(&(wb - wa)));
     let turn_dot = to_turn * w;
     (linear, to_turn * w_dot + left_jacobian_inverse_rate(&turn, &turn_dot) * w)
+}
+
+/// Velocity of a frame's origin, which is at `p`, and its acceleration as a point, in the root's axes.
+fn point_motion(data: &Data, frame: &FrameOnBody, p: &Vector3<f64>) -> (Motion, Motion) {
+    let Some(body) = frame.body else { return (Motion::zero(), Motion::zero()) };
+    let (v, a) = (data.velocity_w[body].at(p), data.acceleration_w[body].at(p));
+    (v, Motion { linear: a.linear + v.angular.cross(&v.linear), angular: a.angular })
 }
 
 /// Wrench of a loop on its frame b, about b's origin in a's axes, per its rows' efforts: the moment that turns rotation-vector efforts

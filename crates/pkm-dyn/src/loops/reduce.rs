@@ -8,16 +8,11 @@ use crate::model::Model;
 /// `J·G = 0`, so the unknown loop forces drop out of `Gᵀ·tau_tree` and no sensor in a passive joint is needed [Valera2017, eq. 2].
 pub fn reduction<'d>(model: &Model, data: &'d mut Data) -> &'d nalgebra::DMatrix<f64> {
     if model.is_constrained() {
-        let Data { loop_jacobian, elimination, independent, dependent, step, reduction, .. } = data;
-        let step = &mut step[..dependent.len()];
-        for (k, &j) in independent.iter().enumerate() {
-            let column = loop_jacobian.column(j);
-            elimination.solve(|i| -column[i], step);
-            let mut out = reduction.column_mut(k);
-            for (&d, s) in dependent.iter().zip(step.iter()) {
-                out[d] = *s;
-            }
-        }
+        let Data { loop_jacobian, elimination, independent, dependent, reduction, .. } = data;
+        let (rows, nv) = (loop_jacobian.nrows(), reduction.nrows());
+        let (jacobian, out) = (loop_jacobian.as_slice(), reduction.as_mut_slice());
+        let right = |i: usize, k: usize| -jacobian[independent[k] * rows + i];
+        elimination.solve_many(independent.len(), right, |j, k, x| out[k * nv + dependent[j]] = x);
     }
     &data.reduction
 }

@@ -50,7 +50,8 @@ impl Closure {
 
 fn factor(data: &mut Data) {
     let Data { loop_jacobian, dependent, elimination, .. } = data;
-    elimination.factor(|i, j| loop_jacobian[(i, dependent[j])]);
+    let (rows, jacobian) = (loop_jacobian.nrows(), loop_jacobian.as_slice());
+    elimination.factor(|i, j| jacobian[dependent[j] * rows + i]);
 }
 
 fn largest(gap: &[f64]) -> (f64, usize) {

@@ -41,8 +41,7 @@ pub fn loop_wrench(model: &Model, data: &Data, l: usize) -> Force {
 /// Wrench each joint of the tree transmits to its body, loops closed, at the root's origin in the root's axes: `data.force_w` `[N]`,
 /// `[N·m]`. What presses on bearings and guides, and so what load-dependent friction depends on.
 ///
-/// Call once after [`crate::inverse_dynamics::loop_efforts`] or [`crate::constrained::forward_dynamics`], which leave there the wrenches
-/// of the open tree.
+/// Call once after [`crate::inverse_dynamics::loop_efforts`]: inverse dynamics leaves there the wrenches of the open tree.
 #[doc(alias = "joint reaction")]
 pub fn joint_wrenches<'d>(model: &Model, data: &'d mut Data) -> &'d [Force] {
     for (l, closure) in model.loops.iter().enumerate() {

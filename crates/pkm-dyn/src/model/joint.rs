@@ -182,7 +182,7 @@ impl Joint {
             }
             (Part::Whole, JointKind::Prismatic) => Pose {
                 rotation: self.placement.rotation,
-                translation: self.placement.translation + self.placement.rotation * self.axis * q[0],
+                translation: self.placement.translation + self.axis_in(&self.placement.rotation) * q[0],
             },
             (Part::First(compound), _) => self.placement.compose(&compound.pose(q)),
             (Part::Inner | Part::Last, _) => Pose::identity(),
@@ -207,6 +207,17 @@ impl Joint {
             out[(row, j)] = b * c - a * s;
         }
         out
+    }
+
+    /// The joint's axis, seen where the body's frame has orientation `rotation`.
+    #[inline]
+    pub(crate) fn axis_in(&self, rotation: &Matrix3<f64>) -> Vector3<f64> {
+        match self.principal {
+            Principal::X => rotation.column(0).into_owned(),
+            Principal::Y => rotation.column(1).into_owned(),
+            Principal::Z => rotation.column(2).into_owned(),
+            Principal::No => rotation * self.axis,
+        }
     }
 
     /// The joint's unit motion, in the body's frame.

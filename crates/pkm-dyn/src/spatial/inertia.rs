@@ -28,8 +28,13 @@ impl Inertia {
         let s = h + t * (0.5 * self.mass);
         let (x, y, z) = (t.x * s.x, t.y * s.y, t.z * s.z);
         let (xy, xz, yz) = (-(t.x * s.y + s.x * t.y), -(t.x * s.z + s.x * t.z), -(t.y * s.z + s.y * t.z));
-        let shift = Matrix3::new(2.0 * (y + z), xy, xz, xy, 2.0 * (x + z), yz, xz, yz, 2.0 * (x + y));
-        Self { mass: self.mass, first_moment: h + t * self.mass, rotational: r * self.rotational * r.transpose() + shift }
+        // R·I·Rᵀ is symmetric: six of its nine entries are computed.
+        let ri = r * self.rotational;
+        let entry = |i: usize, j: usize| ri[(i, 0)] * r[(j, 0)] + ri[(i, 1)] * r[(j, 1)] + ri[(i, 2)] * r[(j, 2)];
+        let (ixx, ixy, ixz) = (entry(0, 0) + 2.0 * (y + z), entry(0, 1) + xy, entry(0, 2) + xz);
+        let (iyy, iyz, izz) = (entry(1, 1) + 2.0 * (x + z), entry(1, 2) + yz, entry(2, 2) + 2.0 * (x + y));
+        let rotational = Matrix3::new(ixx, ixy, ixz, ixy, iyy, iyz, ixz, iyz, izz);
+        Self { mass: self.mass, first_moment: h + t * self.mass, rotational }
     }
 
     /// `I·m`: momentum of velocity `m`, or the wrench of acceleration `m` without the velocity term.
