@@ -4,13 +4,16 @@
 
 use nalgebra::Vector3;
 use pkm_ctrl::{Controller, Input, PdGravity, PdGravityConfig, PdGravityState};
-use pkm_dyn::model::{JointKind, ModelBuilder};
+use pkm_dyn::aba::aba;
+use pkm_dyn::constrained::forward_dynamics;
+use pkm_dyn::inverse_dynamics::{inverse_dynamics, loop_efforts};
+use pkm_dyn::model::{JointKind, LoopClosure, ModelBuilder};
 use pkm_dyn::rnea::rnea;
 use pkm_dyn::spatial::Pose;
 use pkm_dyn::{Data, InertialParameters, Model, math};
 
-/// What is computed, in this order, by a build with std: functions, efforts of a robot, commands of a controller.
-pub const HASHES: [u64; 3] = [0xA275_0160_F27C_64BD, 0x593C_9380_D97B_7D46, 0x9704_9E06_D886_3072];
+/// What is computed, in this order, by a build with std: functions, efforts of a robot, commands of a controller, dynamics of loops.
+pub const HASHES: [u64; 4] = [0xA275_0160_F27C_64BD, 0x593C_9380_D97B_7D46, 0x9704_9E06_D886_3072, 0x31F0_BAAA_3731_B3F3];
 
 /// FNV-1a over the bits of numbers.
 struct Fnv(u64);
@@ -95,6 +98,44 @@ pub fn commands() -> Option<u64> {
     Some(hash.0)
 }
 
+/// A crank that drives a slider through a rod, closed by a pin in space: three of its five rows are redundant. `None` never happens.
+pub fn crank() -> Option<Model> {
+    let mut builder = ModelBuilder::new("crank", [0.0, -9.81, 0.0]);
+    builder.link("base", InertialParameters::default());
+    for (name, mass) in [("crank", 1.1), ("slider", 2.3), ("rod", 0.7)] {
+        let central = nalgebra::Matrix3::from_diagonal(&Vector3::new(0.01, 0.02, 0.025)) * mass;
+        builder.link(name, InertialParameters::from_centre_of_mass(mass, Vector3::new(0.1, 0.01, 0.0), central));
+    }
+    builder.moving_joint("turn", JointKind::Revolute, ("base", "crank"), Pose::identity(), Vector3::z());
+    builder.moving_joint("slide", JointKind::Prismatic, ("base", "slider"), Pose::identity(), Vector3::x());
+    builder.moving_joint("swing", JointKind::Revolute, ("slider", "rod"), Pose::identity(), Vector3::z());
+    let mut model = builder.build().ok()?;
+    let a = model.frame_on("pin", "crank", Pose::from_xyz_rpy([0.2, 0.0, 0.0], [0.0; 3])).ok()?;
+    let b = model.frame_on("pin", "rod", Pose::from_xyz_rpy([-0.5, 0.0, 0.0], [0.0; 3])).ok()?;
+    model.add_loop(LoopClosure { name: "pin".into(), a, b, constrain: [true, true, true, true, true, false] }).ok()?;
+    model.set_assembly("slide", 0.7).ok()?;
+    model.add_actuator("turn", 0.1).ok()?;
+    Some(model)
+}
+
+/// Efforts, multipliers and accelerations of a mechanism with a loop through several turns. `data` is made for `model` and assembled;
+/// nothing is allocated here.
+pub fn loops(model: &Model, data: &mut Data) -> u64 {
+    let mut hash = Fnv::new();
+    for k in 0..200 {
+        let turn = 0.05 * f64::from(k);
+        let is_closed = inverse_dynamics(model, data, &[turn], &[2.0], &[1.0]).is_closed;
+        hash.add(f64::from(u8::from(is_closed)));
+        hash.add(data.tau_act[0]);
+        loop_efforts(model, data).iter().for_each(|&x| hash.add(x));
+        let (q, v) = ([data.q[0], data.q[1], data.q[2]], [data.v[0], data.v[1], data.v[2]]);
+        let _ = forward_dynamics(model, data, &q, &v, &[3.0, -1.0, 0.2]);
+        data.a.iter().for_each(|&x| hash.add(x));
+        aba(model, data, &q, &v, &[3.0, -1.0, 0.2]).iter().for_each(|&x| hash.add(x));
+    }
+    hash.0
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -104,7 +145,11 @@ mod tests {
         // Only there with the feature that brings std.
         assert!(pkm_dyn::urdf::parse("", "", ["robot.toml", "robot.urdf"]).is_err());
         let model = robot().expect("two joints are a tree");
-        let got = [functions(), efforts(&model, &mut Data::new(&model)), commands().expect("good gains")];
+        let mechanism = crank().expect("three joints and a pin");
+        let mut assembled = Data::new(&mechanism);
+        assert!(pkm_dyn::loops::assemble(&mechanism, &mut assembled).is_closed);
+        let moved = loops(&mechanism, &mut assembled);
+        let got = [functions(), efforts(&model, &mut Data::new(&model)), commands().expect("good gains"), moved];
         assert_eq!(got, HASHES, "{got:#018X?}");
     }
 }

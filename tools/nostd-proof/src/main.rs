@@ -1,6 +1,7 @@
 //! The proof: no std, no C library, no start-up code. Exit status 0 when every number has the bits it has with std.
 //!
-//! 1, 2, 3: functions, efforts, commands differ; 4: the loop allocated memory; 5: a robot or controller was refused; 101: a panic.
+//! 1 to 4: functions, efforts, commands, dynamics of loops differ; 8: the loop allocated memory; 9: a robot or controller was refused;
+//! 101: a panic.
 #![no_std]
 #![no_main]
 
@@ -11,8 +12,9 @@ use core::cell::UnsafeCell;
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicUsize, Ordering};
 
-use nostd_proof::{HASHES, commands, efforts, functions, robot};
+use nostd_proof::{HASHES, commands, crank, efforts, functions, loops, robot};
 use pkm_dyn::Data;
+use pkm_dyn::loops::assemble;
 
 const ROOM: usize = 1 << 20;
 
@@ -48,13 +50,16 @@ unsafe impl GlobalAlloc for Bump {
 static MEMORY: Bump = Bump { room: UnsafeCell::new([0; ROOM]), used: AtomicUsize::new(0) };
 
 fn verdict() -> i32 {
-    let Some(model) = robot() else { return 5 };
-    let mut data = Data::new(&model);
+    let (Some(model), Some(mechanism)) = (robot(), crank()) else { return 9 };
+    let (mut data, mut assembled) = (Data::new(&model), Data::new(&mechanism));
+    if !assemble(&mechanism, &mut assembled).is_closed {
+        return 9;
+    }
     let used = MEMORY.used.load(Ordering::Relaxed);
-    let Some(commands) = commands() else { return 5 };
-    let got = [functions(), efforts(&model, &mut data), commands];
+    let Some(commands) = commands() else { return 9 };
+    let got = [functions(), efforts(&model, &mut data), commands, loops(&mechanism, &mut assembled)];
     if MEMORY.used.load(Ordering::Relaxed) != used {
-        return 4;
+        return 8;
     }
     // `black_box`: the comparison must be made here, not by the compiler.
     got.iter().zip(core::hint::black_box(&HASHES)).zip(1..).find(|((got, want), _)| got != want).map_or(0, |(_, k)| k)
