@@ -5,7 +5,7 @@
 //! (not of its normal equations, whose values are the squares and would drown in rounding).
 
 use faer::Mat;
-use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion};
+use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, friction_regressor};
 use pkm_dyn::loops::{assemble, mid_pose, solve_positions, walk_to};
 use pkm_dyn::model::JointKind;
 use pkm_dyn::parameters::N_INERTIAL;
@@ -58,6 +58,8 @@ pub struct BaseParameters {
     pub inertial: usize,
     /// The same with one rotor inertia per drive.
     pub with_rotors: usize,
+    /// The same again with viscous and Coulomb friction of every joint, passive ones included: they reach the drives through the loops.
+    pub with_friction: usize,
     /// States the regressor was stacked over.
     pub states: usize,
     /// Share of the travel that these states span.
@@ -99,10 +101,11 @@ pub enum BaseError {
 /// A robot whose loops do not close, or that cannot move from its assembly.
 pub fn base_parameters(model: &Model, kind: States, states: usize, uniform: &mut dyn FnMut() -> f64) -> Result<BaseParameters, BaseError> {
     let bodies = massive_bodies(model);
-    let (n_act, n_inertial) = (model.n_act(), N_INERTIAL * bodies.len());
-    let mut stack = Mat::<f64>::zeros(states * n_act, n_inertial + n_act);
-    let mut range = Range::try_new(model)?;
+    let (n_act, nv, n_inertial) = (model.n_act(), model.nv(), N_INERTIAL * bodies.len());
     let mut data = Data::new(model);
+    let n_ind = data.n_ind();
+    let mut stack = Mat::<f64>::zeros(states * n_ind, n_inertial + n_act + 2 * nv);
+    let mut range = Range::try_new(model)?;
     for s in 0..states {
         let q = range.draw(model, &mut data, uniform)?;
         let mut about = |size: f64| match kind {
@@ -112,22 +115,32 @@ pub fn base_parameters(model: &Model, kind: States, states: usize, uniform: &mut
         let (v, a) = (about(SPEED), about(ACCELERATION));
         let _closed_by_draw = closed_loop_motion(model, &mut data, &q, &v, &a);
         let w = actuated_regressor(model, &mut data);
-        for k in 0..n_act {
+        for k in 0..n_ind {
             for (b, &body) in bodies.iter().enumerate() {
                 for p in 0..N_INERTIAL {
-                    stack[(s * n_act + k, N_INERTIAL * b + p)] = w[(k, N_INERTIAL * body + p)];
+                    stack[(s * n_ind + k, N_INERTIAL * b + p)] = w[(k, N_INERTIAL * body + p)];
                 }
             }
-            stack[(s * n_act + k, n_inertial + k)] = a[k];
+        }
+        let f = friction_regressor(model, &mut data);
+        for k in 0..n_ind {
+            for (drive, &j) in model.actuators.iter().enumerate() {
+                stack[(s * n_ind + k, n_inertial + drive)] = f[(k, j)];
+            }
+            for column in 0..2 * nv {
+                stack[(s * n_ind + k, n_inertial + n_act + column)] = f[(k, nv + column)];
+            }
         }
     }
     let inertial = rank(&stack, n_inertial)?;
-    let all = rank(&stack, n_inertial + n_act)?;
+    let rotors = rank(&stack, n_inertial + n_act)?;
+    let all = rank(&stack, n_inertial + n_act + 2 * nv)?;
     Ok(BaseParameters {
         standard: N_INERTIAL * model.massive_links().len(),
         acting: inertial.acting,
         inertial: inertial.rank,
-        with_rotors: all.rank,
+        with_rotors: rotors.rank,
+        with_friction: all.rank,
         states,
         travel_share: range.share,
         gap: inertial.gap,

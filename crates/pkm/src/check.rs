@@ -7,7 +7,8 @@ use std::process::ExitCode;
 
 use anyhow::{bail, ensure};
 use pkm_dyn::effects::Robot;
-use pkm_dyn::loops::{Closure, assemble, mid_pose, mobility, walk_to};
+use pkm_dyn::elimination::Elimination;
+use pkm_dyn::loops::{Closure, assemble, close_at, internal_efforts, mid_pose, mobility, walk_to};
 use pkm_dyn::model::AXES;
 use pkm_dyn::{Data, Model};
 use pkm_ident::base::{BaseParameters, States, base_parameters};
@@ -49,6 +50,12 @@ pub(crate) struct Checked {
     home: Closure,
     /// Tree coordinates there `[m | rad]`.
     home_q: Vec<f64>,
+    /// Constraint rows that follow from the others there.
+    redundant: Vec<String>,
+    /// Joints whose motion determines the others.
+    independent: Vec<usize>,
+    /// Efforts of the drives that move nothing, one list per surplus drive.
+    internal: Vec<Vec<f64>>,
     /// Closure with every drive in the middle of its travel.
     middle: Closure,
     /// Degrees of freedom in the assembly.
@@ -80,10 +87,14 @@ fn check(robot: &Robot, file: &str, seed: u64) -> anyhow::Result<Checked> {
     let mut data = Data::new(model);
     let (home, mobility) = assembled(model, &mut data, file)?;
     let home_q = data.q.clone();
+    let redundant = redundant_rows(model, &data).into_iter().map(|row| row_name(model, row).trim_end_matches(',').to_string()).collect();
+    let independent = data.independent.clone();
+    let _ = close_at(model, &mut data);
+    let internal = internal_efforts(model, &mut data).column_iter().map(|c| c.as_slice().to_vec()).collect();
     let middle = walk_to(model, &mut data, &mid_pose(model));
     let base = counts(model, seed);
     let warnings = warnings(robot, &middle);
-    Ok(Checked { home, home_q, middle, mobility, base, warnings })
+    Ok(Checked { home, home_q, redundant, independent, internal, middle, mobility, base, warnings })
 }
 
 /// Closes the loops near the stated assembly, into `data.q`, and counts degrees of freedom there.
@@ -99,20 +110,33 @@ fn assembled(model: &Model, data: &mut Data, file: &str) -> anyhow::Result<(Clos
     }
     let mobility = mobility(model, data, &q);
     let drives = model.n_act();
-    ensure!(mobility == drives, "{file}: {mobility} degrees of freedom and {drives} drives (they must be equal)");
+    ensure!(mobility <= drives, "{file}: {mobility} degrees of freedom and {drives} drives (every freedom needs one)");
     if !home.is_closed {
-        let (rank, passive) = (home.rank, model.passive().len());
-        bail!("{file}: the drives determine {rank} of {passive} passive joints in the stated assembly (all must be)");
+        let (rank, dependent) = (home.rank, data.dependent.len());
+        bail!("{file}: the drives determine {rank} of {dependent} passive joints in the stated assembly (all must be)");
     }
     Ok((home, mobility))
 }
 
-/// Refuses a robot that cannot be assembled: no recording is to blame for that.
+/// Refuses a robot that cannot be assembled: no recording is to blame for that. One with more drives than freedoms is refused as well:
+/// what the drives do to each other cannot be told from their efforts yet.
 ///
 /// # Errors
 /// As `pkm check`; the line begins with `file`.
 pub(crate) fn must_assemble(model: &Model, file: &str) -> anyhow::Result<()> {
-    assembled(model, &mut Data::new(model), file).map(|_| ())
+    let (_, mobility) = assembled(model, &mut Data::new(model), file)?;
+    let drives = model.n_act();
+    ensure!(mobility == drives, "{file}: {mobility} degrees of freedom and {drives} drives (they must be equal to diagnose recordings)");
+    Ok(())
+}
+
+/// Constraint rows that say what other rows say already, at the pose in `data`.
+fn redundant_rows(model: &Model, data: &Data) -> Vec<usize> {
+    let mut all = Elimination::new(model.n_constraints(), model.nv());
+    all.factor(|i, j| data.loop_jacobian[(i, j)]);
+    let mut rows = all.redundant_rows().to_vec();
+    rows.sort_unstable();
+    rows
 }
 
 fn counts(model: &Model, seed: u64) -> Result<Counts, String> {

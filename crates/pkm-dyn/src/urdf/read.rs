@@ -45,20 +45,20 @@ pub enum LoadError {
         detail: String,
     },
     /// The parts do not make a robot.
-    #[error("{file}: {source}")]
+    #[error("{file}: {cause}")]
     Build {
         /// Path as given.
         file: String,
-        /// What is wrong.
-        source: BuildError,
+        /// What is wrong; part of the line, so it is not handed on as a source as well.
+        cause: BuildError,
     },
     /// An effect cannot be applied.
-    #[error("{file}: {source}")]
+    #[error("{file}: {cause}")]
     Effect {
         /// Path as given.
         file: String,
-        /// What is wrong.
-        source: EffectError,
+        /// What is wrong; part of the line, so it is not handed on as a source as well.
+        cause: EffectError,
     },
 }
 
@@ -112,14 +112,14 @@ fn parse_spec(text: &str, file: &str) -> Result<Spec, LoadError> {
 
 fn describe(spec: Spec, toml_text: String, urdf_text: String, names: [&str; 2]) -> Result<Description, LoadError> {
     let [toml_name, urdf_name] = names.map(str::to_string);
-    let in_toml = |source| LoadError::Build { file: toml_name.clone(), source };
+    let in_toml = |cause| LoadError::Build { file: toml_name.clone(), cause };
     if let Some(value) = spec.gravity.iter().find(|g| !g.is_finite()) {
         let at = "gravity".to_string();
         return Err(in_toml(BuildError::OutOfRange { at, what: "component", value: *value, unit: "m/s²", limit: "must be finite" }));
     }
     let (urdf, mut bare) = tree(&urdf_text, &spec.name, spec.gravity).map_err(|e| match e {
         TreeError::Text(detail) => LoadError::Syntax { file: urdf_name.clone(), detail },
-        TreeError::Build(source) => LoadError::Build { file: urdf_name.clone(), source },
+        TreeError::Build(cause) => LoadError::Build { file: urdf_name.clone(), cause },
     })?;
     close(&mut bare, &spec).map_err(in_toml)?;
     if bare.actuators.is_empty() {
@@ -131,7 +131,7 @@ fn describe(spec: Spec, toml_text: String, urdf_text: String, names: [&str; 2]) 
         let parameters: Vec<(String, f64)> = e.parameters.iter().map(|(k, v)| (k.clone(), *v)).collect();
         for place in e.places.names() {
             let applied = Applied::try_new(&bare, &e.name, place, &parameters);
-            effects.push(applied.map_err(|source| LoadError::Effect { file: toml_name.clone(), source })?);
+            effects.push(applied.map_err(|cause| LoadError::Effect { file: toml_name.clone(), cause })?);
         }
     }
     let robot = Robot::new(bare.clone(), effects);

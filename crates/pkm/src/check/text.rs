@@ -29,7 +29,7 @@ pub(super) fn text(robot: &Robot, checked: &Checked) -> String {
     section(&mut out, "Sensors", sensors(model));
     section(&mut out, "Effects", robot.effects.iter().map(|e| vec![effect(e, model)]).collect());
     out.push("\nMotion".to_string());
-    out.push(format!("  mobility {}, equal to the number of drives", checked.mobility));
+    motion(&mut out, model, checked);
     out.push(format!("  actuated coordinates: {}", names(model, &model.actuators)));
     let passive = model.passive();
     let list = if passive.is_empty() { "none".to_string() } else { names(model, &passive) };
@@ -48,6 +48,23 @@ pub(super) fn text(robot: &Robot, checked: &Checked) -> String {
         out.extend(checked.warnings.iter().map(|w| format!("  {w}")));
     }
     out.join("\n")
+}
+
+fn motion(out: &mut Vec<String>, model: &Model, checked: &Checked) {
+    if checked.internal.is_empty() {
+        out.push(format!("  mobility {}, equal to the number of drives", checked.mobility));
+    } else {
+        let independent = names(model, &checked.independent);
+        out.push(format!("  mobility {}, drives {}: independent coordinates are {independent}", checked.mobility, model.n_act()));
+        for efforts in &checked.internal {
+            let list: Vec<String> = efforts.iter().map(|e| number(*e)).collect();
+            out.push(format!("  efforts of the drives that strain the robot and move nothing: [{}]", list.join(", ")));
+        }
+    }
+    if !checked.redundant.is_empty() {
+        let (rows, list) = (model.n_constraints(), checked.redundant.join("; "));
+        out.push(format!("  constraints {rows}, of which {} follow from the others: {list}", checked.redundant.len()));
+    }
 }
 
 fn section(out: &mut Vec<String>, title: &str, rows: Vec<Vec<String>>) {
@@ -168,6 +185,7 @@ fn parameters(out: &mut Vec<String>, moving: &BaseParameters, at_rest: &BasePara
     ));
     out.push(format!("  {} base parameters: combinations that the drives' efforts can tell apart", moving.inertial));
     out.push(format!("  {} with one rotor inertia per drive, {} at rest", moving.with_rotors, at_rest.inertial));
+    out.push(format!("  {} with viscous and Coulomb friction of every joint as well, passive ones included", moving.with_friction));
     let gap = if moving.gap.is_finite() { format!("{:.0e}", moving.gap) } else { "none left over".to_string() };
     out.push(format!(
         "  rank of the regressor over {} random states in {:.0} % of the travel; tolerance {RANK_TOLERANCE:.0e}, gap of singular values {gap}, weakest {:.1e}",
@@ -204,6 +222,9 @@ pub(super) fn json(robot: &Robot, checked: &Checked) -> Value {
         "drives": model.n_act(),
         "actuated": list(&model.actuators),
         "passive": list(&passive),
+        "independent": list(&checked.independent),
+        "internal_efforts": checked.internal,
+        "redundant_constraints": checked.redundant,
         "assembly": closure(&checked.home),
         "middle": closure(&checked.middle),
         "parameters": base_json(checked),
@@ -249,6 +270,7 @@ fn base_json(checked: &Checked) -> Value {
             "acting": c.moving.acting,
             "base": c.moving.inertial,
             "base_with_rotors": c.moving.with_rotors,
+            "base_with_friction": c.moving.with_friction,
             "base_at_rest": c.at_rest.inertial,
             "states": c.moving.states,
             "tolerance": RANK_TOLERANCE,

@@ -163,7 +163,7 @@ fn robots_that_are_none() {
     for (from, to, parts) in [
         ("<mass value=\"2\"/>", "<mass value=\"-2\"/>", &["rig.urdf", "arm", "mass", "-2"][..]),
         ("izz=\"0.02\"", "izz=\"nan\"", &["rig.urdf", "arm"]),
-        ("type=\"revolute\"", "type=\"floating\"", &["rig.urdf", "j1"]),
+        ("type=\"revolute\"", "type=\"floating\"", &["rig.toml", "j1"]),
         ("<child link=\"hand\"/>", "<child link=\"arm\"/>", &["rig.urdf"]),
     ] {
         let folder = rig_with_recordings();
