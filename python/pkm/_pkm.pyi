@@ -126,11 +126,69 @@ class Robot:
     ) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64], NDArray[numpy.float64]]:
         """Motion of all joints, three arrays (n_samples, nv), for a motion of the drives, three arrays (n_samples, n_act)."""
 
+    @property
+    def independent(self) -> list[str]:
+        """Names of the joints whose motion determines all others: the drives, or as many of them as there are freedoms."""
+
+    def crba(self, q: ArrayLike) -> NDArray[numpy.float64]:
+        """Mass matrix of the tree, (n_samples, nv, nv), loops open, rotors included. q (n_samples, nv)."""
+
+    def aba(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> NDArray[numpy.float64]:
+        """Accelerations of the tree for its efforts, (n_samples, nv), loops open. Arguments (n_samples, nv)."""
+
+    def nle(self, q: ArrayLike, v: ArrayLike) -> NDArray[numpy.float64]:
+        """Coriolis, centrifugal and gravity efforts of the tree [N | N·m], (n_samples, nv). Arguments (n_samples, nv)."""
+
+    def generalized_gravity(self, q: ArrayLike) -> NDArray[numpy.float64]:
+        """Efforts that hold the tree against gravity [N | N·m], (n_samples, nv). q (n_samples, nv)."""
+
+    def forward_dynamics(
+        self, q: ArrayLike, v: ArrayLike, tau: ArrayLike
+    ) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
+        """Accelerations (n_samples, nv) and loop efforts lambda (n_samples, rows), loops closed: M a + nle = tau + J^T lambda."""
+
+    def loop_gap(self, q: ArrayLike) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
+        """Closure error of every constraint row [m | rad], (n_samples, rows), and its Jacobian, (n_samples, rows, nv)."""
+
+    def loop_efforts(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
+        """Efforts of the loops [N | N·m], (n_samples, rows): link a on link b, seen in a. Arguments (n_samples, n_act)."""
+
+    def energies(self, q: ArrayLike, v: ArrayLike) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
+        """Kinetic and potential energy [J], (n_samples,) each. Arguments (n_samples, nv)."""
+
+    def center_of_mass(self, q: ArrayLike) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
+        """Centre of mass [m], (n_samples, 3), and its Jacobian, (n_samples, 3, nv). q (n_samples, nv)."""
+
+    def frame_pose(self, link: str, q: ArrayLike) -> NDArray[numpy.float64]:
+        """Pose of a link's frame in the root frame, (n_samples, 4, 4). q (n_samples, nv)."""
+
+    def frame_jacobian(
+        self,
+        link: str,
+        q: ArrayLike,
+        v: ArrayLike | None = None,
+        *,
+        reference: Literal["world", "local", "local_world_aligned"] = "local_world_aligned",
+    ) -> NDArray[numpy.float64]:
+        """Jacobian of a link's frame, (n_samples, 6, nv), linear part first; its time derivative when `v` is given."""
+
+    def integrate(self, q: ArrayLike, dv: ArrayLike) -> NDArray[numpy.float64]:
+        """Tree positions moved by a velocity held for unit time, (n_samples, nv)."""
+
+    def difference(self, from_q: ArrayLike, to_q: ArrayLike) -> NDArray[numpy.float64]:
+        """The velocity that leads from one tree position to another in unit time, (n_samples, nv)."""
+
+    def reduced_mass_matrix(self, q: ArrayLike) -> NDArray[numpy.float64]:
+        """Mass matrix in the independent coordinates, (n_samples, independent, independent). q (n_samples, n_act)."""
+
+    def friction_regressor(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
+        """Columns [rotor | viscous | Coulomb] of every joint, passive ones included, (n_samples, independent, 3 * nv)."""
+
     def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
         """Effort of the drives [N | N·m], (n_samples, n_act): rigid bodies and rotor inertia. Arguments (n_samples, n_act)."""
 
     def regressor(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
-        """Regressor of the drives, (n_samples, n_act, 10 * nv). Arguments (n_samples, n_act)."""
+        """Regressor of the independent coordinates (the drives), (n_samples, independent, 10 * nv). Arguments (n_samples, n_act)."""
 
     def rnea(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
         """Efforts of the spanning tree [N | N·m], (n_samples, nv), loops open. Arguments (n_samples, nv)."""

@@ -20,7 +20,7 @@ pub(crate) struct Samples {
 
 impl Samples {
     /// Checks the shape against `(n_samples, n)` and that every number is finite; `name` and `columns` are for the message.
-    fn try_new(name: &str, array: &ArrayLike<'_>, n: usize, columns: &str) -> PyResult<Self> {
+    pub(crate) fn try_new(name: &str, array: &ArrayLike<'_>, n: usize, columns: &str) -> PyResult<Self> {
         let shape = array.shape();
         let [len, found] = *shape else { return Err(bad_shape(name, shape, n, columns)) };
         if found != n {
@@ -31,6 +31,23 @@ impl Samples {
             return Err(error::value(format!("{name}[{}, {}] = {} (must be finite)", at / n, at % n, values[at])));
         }
         Ok(Self { values, n, len })
+    }
+
+    /// Number of samples.
+    pub(crate) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Several arrays of shape `(n_samples, n)` with equally many samples, each with its name.
+    pub(crate) fn each<const N: usize>(arrays: [(&str, &ArrayLike<'_>); N], n: usize, columns: &str) -> PyResult<[Self; N]> {
+        let mut all = Vec::with_capacity(N);
+        for (name, array) in arrays {
+            all.push(Self::try_new(name, array, n, columns)?);
+        }
+        if let Some((k, other)) = all.iter().enumerate().find(|(_, s)| s.len != all[0].len) {
+            return Err(error::value(format!("{} has {} samples, {} has {}", arrays[k].0, other.len, arrays[0].0, all[0].len)));
+        }
+        <[Self; N]>::try_from(all).map_err(|_| error::value("no arrays".to_string()))
     }
 
     /// Sample `i`.
@@ -63,17 +80,8 @@ impl Motion {
     /// From three arrays of shape `(n_samples, n)`.
     pub(crate) fn try_new(arrays: [&ArrayLike<'_>; 3], n: usize, columns: &str) -> PyResult<Self> {
         let [q, v, a] = arrays;
-        let motion = Self {
-            q: Samples::try_new("q", q, n, columns)?,
-            v: Samples::try_new("v", v, n, columns)?,
-            a: Samples::try_new("a", a, n, columns)?,
-        };
-        for (name, len) in [("v", motion.v.len), ("a", motion.a.len)] {
-            if len != motion.len() {
-                return Err(error::value(format!("{name} has {len} samples, q has {}", motion.len())));
-            }
-        }
-        Ok(motion)
+        let [q, v, a] = Samples::each([("q", q), ("v", v), ("a", a)], n, columns)?;
+        Ok(Self { q, v, a })
     }
 
     /// Number of samples.

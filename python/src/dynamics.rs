@@ -6,15 +6,18 @@ use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pkm_dyn::effects::{Applied, CATALOGUE, Energy, Entry, PlaceKind, Robot as Physics};
-use pkm_dyn::loops;
-use pkm_dyn::model::{JointKind, Model};
+use pkm_dyn::jacobian::Reference;
+use pkm_dyn::model::{FrameOnBody, JointKind, Model};
+use pkm_dyn::spatial::Pose;
 use pkm_dyn::urdf::{self, Description, EffectSpec, Places};
+use pkm_dyn::{Data, loops};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::array::{ArrayLike, Motion, matrices, matrix, read_only};
-use crate::{error, motion};
+use crate::array::{ArrayLike, Motion, Samples, matrices, matrix, read_only};
+use crate::{error, mechanics, motion};
 
+type Vector<'py> = Bound<'py, PyArray1<f64>>;
 type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 
 /// A robot: rigid bodies, joints, loops, drives, and physics beyond rigid bodies. It never changes; `with_effect` returns another.
@@ -43,6 +46,16 @@ impl Robot {
     /// Motion of the drives.
     fn driven(&self, arrays: [&ArrayLike<'_>; 3]) -> PyResult<Motion> {
         Motion::try_new(arrays, self.model().n_act(), "drive (robot.actuators)")
+    }
+
+    /// Samples per joint of the tree.
+    fn tree<const N: usize>(&self, arrays: [(&str, &ArrayLike<'_>); N]) -> PyResult<[Samples; N]> {
+        Samples::each(arrays, self.model().nv(), "joint (robot.joints)")
+    }
+
+    /// The frame of a link.
+    fn frame(&self, link: &str) -> PyResult<FrameOnBody> {
+        self.model().frame_on("link", link, Pose::identity()).map_err(|e| error::value(e.to_string()))
     }
 
     /// Motion of all joints of the tree.
@@ -154,6 +167,157 @@ impl Robot {
         Ok((matrix(py, q, shape)?, matrix(py, v, shape)?, matrix(py, a, shape)?))
     }
 
+    /// Names of the joints whose motion determines all others: the drives, or as many of them as there are freedoms.
+    #[getter]
+    fn independent(&self) -> Vec<&str> {
+        self.joint_names(Data::new(self.model()).independent)
+    }
+
+    /// Mass matrix of the tree, shape `(n_samples, nv, nv)`, loops open, rotors included. q `(n_samples, nv)`.
+    fn crba<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let ([q], model) = (self.tree([("q", &q)])?, self.model());
+        let all = py.detach(|| mechanics::mass_matrices(model, &q));
+        matrices(py, all, [q.len(), model.nv(), model.nv()])
+    }
+
+    /// Accelerations of the tree for its efforts, shape `(n_samples, nv)`, loops open. Arguments `(n_samples, nv)`.
+    fn aba<'py>(&self, py: Python<'py>, q: ArrayLike<'py>, v: ArrayLike<'py>, tau: ArrayLike<'py>) -> PyResult<Matrix<'py>> {
+        let ([q, v, tau], model) = (self.tree([("q", &q), ("v", &v), ("tau", &tau)])?, self.model());
+        let all = py.detach(|| mechanics::accelerations(model, [&q, &v, &tau]));
+        matrix(py, all, [q.len(), model.nv()])
+    }
+
+    /// Coriolis, centrifugal and gravity efforts of the tree, shape `(n_samples, nv)`. Arguments `(n_samples, nv)`.
+    fn nle<'py>(&self, py: Python<'py>, q: ArrayLike<'py>, v: ArrayLike<'py>) -> PyResult<Matrix<'py>> {
+        let ([q, v], model) = (self.tree([("q", &q), ("v", &v)])?, self.model());
+        let all = py.detach(|| mechanics::nle(model, [&q, &v]));
+        matrix(py, all, [q.len(), model.nv()])
+    }
+
+    /// Efforts that hold the tree against gravity, shape `(n_samples, nv)`. q `(n_samples, nv)`.
+    fn generalized_gravity<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Matrix<'py>> {
+        let ([q], model) = (self.tree([("q", &q)])?, self.model());
+        let all = py.detach(|| mechanics::gravity(model, &q));
+        matrix(py, all, [q.len(), model.nv()])
+    }
+
+    /// Accelerations `(n_samples, nv)` and loop efforts `(n_samples, rows)` for efforts of the tree, loops closed:
+    /// `M a + nle = tau + J^T lambda`, `J a + drift = 0`. Arguments `(n_samples, nv)`; q and v close the loops.
+    fn forward_dynamics<'py>(
+        &self,
+        py: Python<'py>,
+        q: ArrayLike<'py>,
+        v: ArrayLike<'py>,
+        tau: ArrayLike<'py>,
+    ) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
+        let ([q, v, tau], model) = (self.tree([("q", &q), ("v", &v), ("tau", &tau)])?, self.model());
+        let [a, lambda] = py.detach(|| mechanics::constrained(model, [&q, &v, &tau]))?;
+        Ok((matrix(py, a, [q.len(), model.nv()])?, matrix(py, lambda, [q.len(), model.n_constraints()])?))
+    }
+
+    /// Closure error of every constraint row `(n_samples, rows)` and its Jacobian `(n_samples, rows, nv)`. q `(n_samples, nv)`.
+    fn loop_gap<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<(Matrix<'py>, Bound<'py, PyArray3<f64>>)> {
+        let ([q], model) = (self.tree([("q", &q)])?, self.model());
+        let [gap, jacobian] = py.detach(|| mechanics::gaps(model, &q));
+        let rows = model.n_constraints();
+        Ok((matrix(py, gap, [q.len(), rows])?, matrices(py, jacobian, [q.len(), rows, model.nv()])?))
+    }
+
+    /// Kinetic and potential energy `[J]`, shape `(n_samples,)` each. Arguments `(n_samples, nv)`.
+    fn energies<'py>(&self, py: Python<'py>, q: ArrayLike<'py>, v: ArrayLike<'py>) -> PyResult<(Vector<'py>, Vector<'py>)> {
+        let ([q, v], model) = (self.tree([("q", &q), ("v", &v)])?, self.model());
+        let [kinetic, potential] = py.detach(|| mechanics::energies(model, [&q, &v]));
+        Ok((PyArray1::from_vec(py, kinetic), PyArray1::from_vec(py, potential)))
+    }
+
+    /// Centre of mass `[m]`, shape `(n_samples, 3)`, and its Jacobian `(n_samples, 3, nv)`. q `(n_samples, nv)`.
+    fn center_of_mass<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<(Matrix<'py>, Bound<'py, PyArray3<f64>>)> {
+        let ([q], model) = (self.tree([("q", &q)])?, self.model());
+        let [centre, jacobian] = py.detach(|| mechanics::centres(model, &q));
+        Ok((matrix(py, centre, [q.len(), 3])?, matrices(py, jacobian, [q.len(), 3, model.nv()])?))
+    }
+
+    /// Pose of a link's frame in the root frame, shape `(n_samples, 4, 4)`. q `(n_samples, nv)`.
+    fn frame_pose<'py>(&self, py: Python<'py>, link: &str, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let ([q], model, frame) = (self.tree([("q", &q)])?, self.model(), self.frame(link)?);
+        let all = py.detach(|| mechanics::frame_poses(model, &frame, &q));
+        matrices(py, all, [q.len(), 4, 4])
+    }
+
+    /// Jacobian of a link's frame, shape `(n_samples, 6, nv)`, linear part first; its time derivative when `v` is given.
+    ///
+    /// `reference` is `"world"`, `"local"` or `"local_world_aligned"`, as in Pinocchio. Arguments `(n_samples, nv)`.
+    #[pyo3(signature = (link, q, v = None, *, reference = "local_world_aligned"))]
+    fn frame_jacobian<'py>(
+        &self,
+        py: Python<'py>,
+        link: &str,
+        q: ArrayLike<'py>,
+        v: Option<ArrayLike<'py>>,
+        reference: &str,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (model, frame) = (self.model(), self.frame(link)?);
+        let reference = match reference {
+            "world" => Reference::World,
+            "local" => Reference::Local,
+            "local_world_aligned" => Reference::LocalWorldAligned,
+            _ => return Err(error::value(format!("reference = {reference:?} (must be world, local or local_world_aligned)"))),
+        };
+        let (q, v) = match v {
+            None => {
+                let [q] = self.tree([("q", &q)])?;
+                (q, None)
+            }
+            Some(v) => {
+                let [q, v] = self.tree([("q", &q), ("v", &v)])?;
+                (q, Some(v))
+            }
+        };
+        let all = py.detach(|| mechanics::frame_jacobians(model, &frame, &q, v.as_ref(), reference));
+        matrices(py, all, [q.len(), 6, model.nv()])
+    }
+
+    /// Tree positions moved by a velocity held for unit time, shape `(n_samples, nv)`. Arguments `(n_samples, nv)`.
+    fn integrate<'py>(&self, py: Python<'py>, q: ArrayLike<'py>, dv: ArrayLike<'py>) -> PyResult<Matrix<'py>> {
+        let ([q, dv], model) = (self.tree([("q", &q), ("dv", &dv)])?, self.model());
+        matrix(py, py.detach(|| mechanics::integrated(model, [&q, &dv])), [q.len(), model.nv()])
+    }
+
+    /// The velocity that leads from one tree position to another in unit time, shape `(n_samples, nv)`. Arguments `(n_samples, nv)`.
+    fn difference<'py>(&self, py: Python<'py>, from_q: ArrayLike<'py>, to_q: ArrayLike<'py>) -> PyResult<Matrix<'py>> {
+        let ([from, to], model) = (self.tree([("from_q", &from_q), ("to_q", &to_q)])?, self.model());
+        matrix(py, py.detach(|| mechanics::differences(model, [&from, &to])), [from.len(), model.nv()])
+    }
+
+    /// Mass matrix in the independent coordinates, shape `(n_samples, independent, independent)`. q of the drives `(n_samples, n_act)`.
+    fn reduced_mass_matrix<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (driven, model) = (self.driven([&q, &q, &q])?, self.model());
+        let all = py.detach(|| motion::reduced_mass_matrices(model, &driven))?;
+        let n = self.independent().len();
+        matrices(py, all, [driven.len(), n, n])
+    }
+
+    /// Columns of rotor inertia, viscous and Coulomb friction of every joint, passive ones included, in the independent coordinates,
+    /// shape `(n_samples, independent, 3 * nv)`. Arguments `(n_samples, n_act)`.
+    fn friction_regressor<'py>(
+        &self,
+        py: Python<'py>,
+        q: ArrayLike<'py>,
+        v: ArrayLike<'py>,
+        a: ArrayLike<'py>,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (driven, model) = (self.driven([&q, &v, &a])?, self.model());
+        let all = py.detach(|| motion::friction_regressors(model, &driven))?;
+        matrices(py, all, [driven.len(), self.independent().len(), 3 * model.nv()])
+    }
+
+    /// Efforts of the loops for a motion of the drives `[N | N·m]`, shape `(n_samples, rows)`: link a on link b, seen in a.
+    fn loop_efforts<'py>(&self, py: Python<'py>, q: ArrayLike<'py>, v: ArrayLike<'py>, a: ArrayLike<'py>) -> PyResult<Matrix<'py>> {
+        let (driven, model) = (self.driven([&q, &v, &a])?, self.model());
+        let all = py.detach(|| motion::loop_efforts(model, &driven))?;
+        matrix(py, all, [driven.len(), model.n_constraints()])
+    }
+
     /// Effort of the drives `[N | N·m]`, shape `(n_samples, n_act)`: rigid bodies and rotor inertia, no friction.
     ///
     /// q `[m | rad]`, v `[m/s | rad/s]`, a `[m/s² | rad/s²]`: shape `(n_samples, n_act)`. The loops are followed from sample to sample.
@@ -163,7 +327,8 @@ impl Robot {
         matrix(py, tau, [driven.len(), model.n_act()])
     }
 
-    /// Regressor of the drives, shape `(n_samples, n_act, 10 * nv)`.
+    /// Regressor of the independent coordinates, which are the drives unless there are more drives than freedoms, shape
+    /// `(n_samples, independent, 10 * nv)`.
     ///
     /// `regressor(q, v, a) @ parameters()` is `inverse_dynamics(q, v, a)` less rotor inertia. Arguments as there.
     fn regressor<'py>(
@@ -175,7 +340,7 @@ impl Robot {
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (driven, model) = (self.driven([&q, &v, &a])?, self.model());
         let all = py.detach(|| motion::actuated_regressors(model, &driven))?;
-        matrices(py, all, [driven.len(), model.n_act(), 10 * model.nv()])
+        matrices(py, all, [driven.len(), self.independent().len(), 10 * model.nv()])
     }
 
     /// Generalized efforts of the spanning tree `[N | N·m]`, shape `(n_samples, nv)`: rigid bodies and rotor inertia, loops open.

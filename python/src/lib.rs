@@ -10,6 +10,7 @@ mod diagnosis;
 mod dynamics;
 mod error;
 mod evidence;
+mod mechanics;
 mod motion;
 mod recording;
 mod robots;

@@ -1,12 +1,14 @@
 //! The algorithms of `pkm-dyn` sample by sample.
 
-use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, rigid_effort};
+use pkm_dyn::constrained::reduced_mass_matrix;
+use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, friction_regressor, rigid_effort};
 use pkm_dyn::loops::{Closure, assemble, walk_to};
 use pkm_dyn::{Data, Model, regressor, rnea};
 use pyo3::PyErr;
 
 use crate::array::Motion;
 use crate::error;
+use crate::mechanics::{push_loop_efforts, push_rows};
 
 /// A drive that moves farther than this between two samples `[m | rad]` is walked there in small parts: over a long way one Newton
 /// jump can land on another assembly of the same loops.
@@ -15,7 +17,7 @@ const FAR: f64 = 0.05;
 /// Loops that do not close, and at which sample.
 pub(crate) struct Open {
     sample: Option<usize>,
-    passive: usize,
+    dependent: usize,
     closure: Closure,
 }
 
@@ -23,16 +25,17 @@ impl From<Open> for PyErr {
     fn from(open: Open) -> Self {
         let Closure { gap, row, rank, iterations, .. } = open.closure;
         let at = open.sample.map_or("assembly".to_string(), |i| format!("sample {i}"));
-        error::value(if rank < open.passive {
-            format!("{at}: the drives determine {rank} of {} passive joints here (all are needed; loops {gap:.3e} open)", open.passive)
+        error::value(if rank < open.dependent {
+            format!("{at}: the drives determine {rank} of {} passive joints here (all are needed; loops {gap:.3e} open)", open.dependent)
         } else {
             format!("{at}: loops stay {gap:.3e} m or rad open in constraint row {row} after {iterations} iterations (limit 1e-9)")
         })
     }
 }
 
-fn checked(model: &Model, closure: Closure, sample: Option<usize>) -> Result<(), Open> {
-    if closure.is_closed { Ok(()) } else { Err(Open { sample, passive: model.nv() - model.n_act(), closure }) }
+/// The closure's failure as an error that names the sample.
+pub(crate) fn checked(model: &Model, closure: Closure, sample: Option<usize>) -> Result<(), Open> {
+    if closure.is_closed { Ok(()) } else { Err(Open { sample, dependent: model.passive().len(), closure }) }
 }
 
 /// Tree coordinates near the stated assembly with every loop closed.
@@ -70,10 +73,31 @@ pub(crate) fn inverse_dynamics(model: &Model, motion: &Motion) -> Result<Vec<f64
     Ok(out)
 }
 
-/// Regressors of the drives, `n_samples × drives × 10·bodies`.
+/// Regressors of the independent coordinates, `n_samples × independent × 10·bodies`.
 pub(crate) fn actuated_regressors(model: &Model, motion: &Motion) -> Result<Vec<f64>, Open> {
-    let mut out = Vec::with_capacity(motion.len() * model.n_act() * 10 * model.nv());
+    let mut out = Vec::new();
     along(model, motion, |data| push_rows(&mut out, actuated_regressor(model, data)))?;
+    Ok(out)
+}
+
+/// Columns of rotor inertia, viscous and Coulomb friction, `n_samples × independent × 3·nv`.
+pub(crate) fn friction_regressors(model: &Model, motion: &Motion) -> Result<Vec<f64>, Open> {
+    let mut out = Vec::new();
+    along(model, motion, |data| push_rows(&mut out, friction_regressor(model, data)))?;
+    Ok(out)
+}
+
+/// Mass matrices in the independent coordinates, `n_samples × independent × independent`.
+pub(crate) fn reduced_mass_matrices(model: &Model, motion: &Motion) -> Result<Vec<f64>, Open> {
+    let mut out = Vec::new();
+    along(model, motion, |data| push_rows(&mut out, reduced_mass_matrix(model, data)))?;
+    Ok(out)
+}
+
+/// Efforts of the loops, `n_samples × rows`.
+pub(crate) fn loop_efforts(model: &Model, motion: &Motion) -> Result<Vec<f64>, Open> {
+    let mut out = Vec::new();
+    along(model, motion, |data| push_loop_efforts(model, data, &mut out))?;
     Ok(out)
 }
 
@@ -107,11 +131,4 @@ pub(crate) fn tree_regressors(model: &Model, motion: &Motion) -> Vec<f64> {
         push_rows(&mut out, regressor::joint_torque_regressor(model, &mut data, q, v, a));
     }
     out
-}
-
-/// numpy wants rows, nalgebra keeps columns.
-fn push_rows(out: &mut Vec<f64>, matrix: &nalgebra::DMatrix<f64>) {
-    for i in 0..matrix.nrows() {
-        out.extend(matrix.row(i).iter());
-    }
 }

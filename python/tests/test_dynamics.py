@@ -131,3 +131,42 @@ def test_python_runs_while_rust_computes():
         time.sleep(0.001)
     # With the interpreter held there would be one or two.
     assert ticks > 5
+
+
+def test_closed_loop_forward_dynamics_undoes_inverse_dynamics():
+    robot = pkm.robots.load("prs3")
+    drives = driven(robot)
+    q, v, a = motion_about(np.array([0.15, 0.15, 0.15]), n_samples=20)
+    tree = robot.tree_motion(q, v, a)
+    tau = np.zeros_like(tree[0])
+    tau[:, drives] = robot.inverse_dynamics(q, v, a)
+    acceleration, efforts = robot.forward_dynamics(tree[0], tree[1], tau)
+    np.testing.assert_allclose(acceleration, tree[2], atol=1e-8)
+    np.testing.assert_allclose(efforts, robot.loop_efforts(q, v, a), atol=1e-7)
+    gap, jacobian = robot.loop_gap(tree[0])
+    assert np.abs(gap).max() < 1e-10
+    assert np.abs(np.einsum("nij,nj->ni", jacobian, tree[1])).max() < 1e-11
+    # Through the null space of the loops the tree's mass matrix is the closed loop's.
+    mass, reduced = robot.crba(tree[0]), robot.reduced_mass_matrix(q)
+    power = np.einsum("ni,nij,nj->n", v, reduced, v)
+    np.testing.assert_allclose(power, np.einsum("ni,nij,nj->n", tree[1], mass, tree[1]), rtol=1e-10)
+    assert robot.independent == robot.actuators
+
+
+def test_friction_columns_reach_the_drives():
+    robot = pkm.robots.load("five_bar")
+    q, v, a = motion_about(robot.assemble()[driven(robot)], n_samples=20, amplitude=0.1)
+    _, v_tree, a_tree = robot.tree_motion(q, v, a)
+    columns = robot.friction_regressor(q, v, a).reshape(len(q), robot.n_act, 3, robot.nv)
+    lost = np.einsum("nk,nkj->nj", v, columns[:, :, 1, :])
+    np.testing.assert_allclose(lost, v_tree**2, atol=1e-10)
+    np.testing.assert_allclose(np.einsum("nk,nkj->nj", v, columns[:, :, 0, :]), v_tree * a_tree, atol=1e-9)
+
+
+def test_a_misspelt_link_or_reference_is_named():
+    robot = pkm.robots.load("serial_arm")
+    q = np.zeros((1, robot.nv))
+    with pytest.raises(ValueError, match="elbw"):
+        robot.frame_jacobian("elbw", q)
+    with pytest.raises(ValueError, match="sideways"):
+        robot.frame_jacobian(robot.links[-1], q, reference="sideways")

@@ -150,6 +150,8 @@ mod tests {
         integrate(&m, &mut q, &[1.0, 0.0, 0.0, 0.0, 0.0, quarter]);
         let want = [1.0 / quarter, 1.0 / quarter, 0.0, 0.0, 0.0, quarter];
         assert!(q.iter().zip(&want).all(|(a, b)| (a - b).abs() < 1e-15), "{q:?}");
-        assert_eq!(quaternion([0.0; 3]), [0.0, 0.0, 0.0, 1.0]);
+        let turned = quaternion([0.0, 0.0, quarter]);
+        let want = [0.0, 0.0, core::f64::consts::FRAC_1_SQRT_2, core::f64::consts::FRAC_1_SQRT_2];
+        assert!(turned.iter().zip(&want).all(|(a, b)| (a - b).abs() < 1e-15), "{turned:?}");
     }
 }

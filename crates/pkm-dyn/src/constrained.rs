@@ -71,7 +71,6 @@ pub fn forward_dynamics(model: &Model, data: &mut Data, q: &[f64], v: &[f64], ta
 }
 
 /// As [`forward_dynamics`], with accelerations that close gaps at the rate given.
-#[must_use]
 pub fn stabilised_forward_dynamics(
     model: &Model,
     data: &mut Data,
