@@ -52,6 +52,8 @@ pub const ALL: &[Shipped] = &[
     shipped!("prs3"),
     shipped!("ups3_rpu1"),
     shipped!("ups3_rpu1_start", "ups3_rpu1", "start.toml"),
+    shipped!("motobotte"),
+    shipped!("motobotte_table", "motobotte", "table.toml"),
     shipped!("five_bar"),
     shipped!("serial_arm"),
 ];
