@@ -56,6 +56,7 @@ pub const ALL: &[Shipped] = &[
     shipped!("motobotte_table", "motobotte", "table.toml"),
     shipped!("five_bar"),
     shipped!("serial_arm"),
+    shipped!("serial_arm7"),
 ];
 
 /// The shipped robot of that name.
