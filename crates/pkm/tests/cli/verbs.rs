@@ -3,7 +3,6 @@
 use std::fs;
 
 use crate::fixture::{demo, names, pkm, prints, rig, rig_with_recordings};
-use pkm_ident::base::{States, base_parameters};
 use serde_json::Value;
 
 #[test]
@@ -17,30 +16,6 @@ fn every_shipped_robot_can_be_diagnosed() {
         assert!(json["parameters"]["base"].as_u64().unwrap() <= json["parameters"]["acting"].as_u64().unwrap());
         assert!(json["parameters"]["gap"].as_f64().unwrap() > 1e6, "{}", robot.name);
     }
-}
-
-/// The ranks of the two published parallel robots, which independent programs have computed symbolically.
-#[test]
-fn known_numbers_of_base_parameters() {
-    let count = |name: &str, kind, gravity: bool| {
-        let robot = pkm_robots::find(name).unwrap();
-        let mut model = pkm_dyn::urdf::parse(robot.toml, robot.urdf, [robot.toml_name, robot.urdf_name]).unwrap().bare;
-        if !gravity {
-            model.gravity.fill(0.0);
-        }
-        let mut x = 0.1_f64;
-        let mut uniform = || {
-            x = (x * 997.0 + 0.618_033_988_749_895) % 1.0;
-            x
-        };
-        let base = base_parameters(&model, kind, 300, &mut uniform).unwrap();
-        (base.standard, base.acting, base.inertial, base.with_rotors)
-    };
-    assert_eq!(count("prs3", States::Moving, true), (70, 25, 19, 22));
-    assert_eq!(count("prs3", States::Moving, false).2, 19);
-    assert_eq!(count("ups3_rpu1", States::Moving, true).2, 51);
-    assert_eq!(count("ups3_rpu1", States::Moving, false).2, 40);
-    assert_eq!(count("ups3_rpu1", States::AtRest, true).2, 15);
 }
 
 #[test]
