@@ -6,6 +6,8 @@
 //!
 //! Not in here: control, identification from data, recordings (`recorded_robots.rs`).
 
+#[path = "against_papers/arceo2021.rs"]
+mod arceo2021;
 #[path = "against_papers/armas.rs"]
 mod armas;
 #[path = "against_papers/stack.rs"]
