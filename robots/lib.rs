@@ -54,6 +54,7 @@ pub const ALL: &[Shipped] = &[
     shipped!("ups3_rpu1_start", "ups3_rpu1", "start.toml"),
     shipped!("motobotte"),
     shipped!("motobotte_table", "motobotte", "table.toml"),
+    shipped!("ups4"),
     shipped!("five_bar"),
     shipped!("serial_arm"),
     shipped!("serial_arm7"),

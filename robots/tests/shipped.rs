@@ -16,6 +16,8 @@ fn every_robot_assembles_at_home_and_in_the_middle_of_its_travel() {
         let model = bare(robot.name);
         assert_eq!(model.name, robot.name);
         assert!(robot.readme.contains("assumed"), "{}", robot.name);
+        // One robot has a drive more than freedoms.
+        let freedoms = if robot.name == "ups4" { 3 } else { model.n_act() };
         let mut data = Data::new(&model);
         let home = assemble(&model, &mut data);
         assert!(home.is_closed && home.gap < 1e-10, "{} at home: {home:?}", robot.name);
@@ -23,12 +25,12 @@ fn every_robot_assembles_at_home_and_in_the_middle_of_its_travel() {
         for j in model.passive() {
             assert!(q[j].abs() < 1e-3, "{}: {} reads {} at home", robot.name, model.joints[j].name, q[j]);
         }
-        assert_eq!(mobility(&model, &mut data, &q), model.n_act(), "{}", robot.name);
+        assert_eq!(mobility(&model, &mut data, &q), freedoms, "{}", robot.name);
         data.q.copy_from_slice(&q);
         let middle = walk_to(&model, &mut data, &mid_pose(&model));
         assert!(middle.is_closed && middle.gap < 1e-10, "{} in the middle: {middle:?}", robot.name);
         let q = data.q.clone();
-        assert_eq!(mobility(&model, &mut data, &q), model.n_act(), "{}", robot.name);
+        assert_eq!(mobility(&model, &mut data, &q), freedoms, "{}", robot.name);
     }
 }
 

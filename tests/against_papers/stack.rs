@@ -1,9 +1,10 @@
 //! The drives' regressor stacked over many states, and what its singular values say.
 
 use nalgebra::{DMatrix, SMatrix};
-use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion};
+use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, friction_regressor};
 use pkm_dyn::loops::{assemble, walk_to};
 use pkm_dyn::parameters::InertialParameters;
+use pkm_dyn::regressor::joint_torque_regressor;
 use pkm_dyn::spatial::Pose;
 use pkm_dyn::{Data, Model};
 use pkm_tests::Draw;
@@ -12,11 +13,11 @@ use pkm_tests::Draw;
 pub(crate) struct Stack {
     /// Rows: states times drives. Columns: ten per link.
     pub(crate) w: DMatrix<f64>,
-    /// Accelerations of the drives on the diagonal of every block: one column per rotor.
+    /// One column per drive's rotor inertia.
     pub(crate) rotors: DMatrix<f64>,
-    /// Velocity of every tree joint as the drives feel it, `reductionᵀ·diag(v)`: one column per viscous friction.
+    /// One column per joint's viscous friction, passive joints included.
     pub(crate) viscous: DMatrix<f64>,
-    /// The same with the sign of the velocity: Coulomb friction.
+    /// One column per joint's Coulomb friction.
     pub(crate) coulomb: DMatrix<f64>,
     /// The tree's regressor, rows: states times tree joints.
     pub(crate) tree: DMatrix<f64>,
@@ -56,18 +57,18 @@ pub(crate) fn stack(model: &Model, links: &[(&str, Pose)], states: States, seed:
         assert!(walk_to(model, &mut data, &q).is_closed, "{q:?}");
         assert!(closed_loop_motion(model, &mut data, &q, &v, &a).is_closed);
         actuated_regressor(model, &mut data);
+        friction_regressor(model, &mut data);
+        let columns = |from: usize| data.friction_regressor.columns(from, nv);
+        out.viscous.rows_mut(s * n_act, n_act).copy_from(&columns(nv));
+        out.coulomb.rows_mut(s * n_act, n_act).copy_from(&columns(2 * nv));
+        out.rotors.rows_mut(s * n_act, n_act).copy_from(&columns(0).select_columns(&model.actuators));
+        let [q, v, a] = [&data.q, &data.v, &data.a].map(Clone::clone);
+        joint_torque_regressor(model, &mut data, &q, &v, &a);
         for (l, (body, change)) in to_link.iter().enumerate() {
             let columns = data.regressor.columns(10 * body, 10) * change;
             out.w.view_mut((s * n_act, 10 * l), (n_act, 10)).copy_from(&columns);
             let columns = data.joint_torque_regressor.columns(10 * body, 10) * change;
             out.tree.view_mut((s * nv, 10 * l), (nv, 10)).copy_from(&columns);
-        }
-        for (k, a) in a.iter().enumerate() {
-            out.rotors[(s * n_act + k, k)] = *a;
-            for j in 0..nv {
-                out.viscous[(s * n_act + k, j)] = data.reduction[(j, k)] * data.v[j];
-                out.coulomb[(s * n_act + k, j)] = data.reduction[(j, k)] * data.v[j].signum();
-            }
         }
     }
     out
