@@ -8,7 +8,7 @@
 /// A shipped robot: the texts of its files and the names they have on disk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shipped {
-    /// Name, as in its robot.toml and as its folder is called.
+    /// Name, as in its robot.toml and as its URDF is called; a variant lies in the folder of the robot it varies.
     pub name: &'static str,
     /// Text of its robot.toml.
     pub toml: &'static str,
@@ -32,19 +32,33 @@ impl Shipped {
 
 macro_rules! shipped {
     ($name:literal) => {
+        shipped!($name, $name, "robot.toml")
+    };
+    // A variant: another robot.toml and URDF beside those of the robot whose folder it is.
+    ($name:literal, $folder:literal, $toml:literal) => {
         Shipped {
             name: $name,
-            toml: include_str!(concat!($name, "/robot.toml")),
-            urdf: include_str!(concat!($name, "/", $name, ".urdf")),
-            toml_name: concat!($name, "/robot.toml"),
-            urdf_name: concat!($name, "/", $name, ".urdf"),
-            readme: include_str!(concat!($name, "/README.md")),
+            toml: include_str!(concat!($folder, "/", $toml)),
+            urdf: include_str!(concat!($folder, "/", $name, ".urdf")),
+            toml_name: concat!($folder, "/", $toml),
+            urdf_name: concat!($folder, "/", $name, ".urdf"),
+            readme: include_str!(concat!($folder, "/README.md")),
         }
     };
 }
 
 /// Every shipped robot.
-pub const ALL: &[Shipped] = &[shipped!("prs3"), shipped!("ups3_rpu1"), shipped!("five_bar"), shipped!("serial_arm")];
+pub const ALL: &[Shipped] = &[
+    shipped!("prs3"),
+    shipped!("ups3_rpu1"),
+    shipped!("ups3_rpu1_start", "ups3_rpu1", "start.toml"),
+    shipped!("motobotte"),
+    shipped!("motobotte_table", "motobotte", "table.toml"),
+    shipped!("ups4"),
+    shipped!("five_bar"),
+    shipped!("serial_arm"),
+    shipped!("serial_arm7"),
+];
 
 /// The shipped robot of that name.
 #[must_use]

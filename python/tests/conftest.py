@@ -5,9 +5,9 @@ import pytest
 from motions import driven, motion_about
 
 
-@pytest.fixture(params=pkm.robots.names())
+@pytest.fixture(params=[name for name in pkm.robots.names() if name != "ups4"])
 def robot(request):
-    """Every shipped robot."""
+    """Every shipped robot but the one with more drives than freedoms, whose drives cannot be moved one by one."""
     return pkm.robots.load(request.param)
 
 

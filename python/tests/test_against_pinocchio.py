@@ -85,7 +85,7 @@ def test_a_crooked_arm(crooked):
     compare(pkm.load(crooked / "arm.robot.toml"), crooked / "arm.urdf")
 
 
-def test_the_shipped_arm():
+@pytest.mark.parametrize("name", ["serial_arm", "serial_arm7"])
+def test_the_shipped_arms(name):
     # The sources of the shipped robots lie beside this folder; the wheel carries them inside.
-    urdf = Path(__file__).parents[2] / "robots" / "serial_arm" / "serial_arm.urdf"
-    compare(pkm.robots.load("serial_arm"), urdf)
+    compare(pkm.robots.load(name), Path(__file__).parents[2] / "robots" / name / f"{name}.urdf")

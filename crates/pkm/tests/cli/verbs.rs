@@ -3,13 +3,16 @@
 use std::fs;
 
 use crate::fixture::{demo, names, pkm, prints, rig, rig_with_recordings};
-use pkm_ident::base::{States, base_parameters};
 use serde_json::Value;
 
 #[test]
 fn every_shipped_robot_can_be_diagnosed() {
     let folder = tempfile::tempdir().unwrap();
-    for robot in pkm_robots::ALL {
+    // ups4 has a drive more than freedoms: its mechanics are there, its diagnosis is not, and that is said.
+    let output = pkm(folder.path(), &["check", "ups4"]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && said.contains("3 degrees of freedom and 4 drives"), "{said}");
+    for robot in pkm_robots::ALL.iter().filter(|robot| robot.name != "ups4") {
         let text = prints(folder.path(), &["check", robot.name]);
         assert!(text.contains("equal to the number of drives") && !text.contains("Warnings"), "{text}");
         let json: Value = serde_json::from_str(&prints(folder.path(), &["check", robot.name, "--json"])).unwrap();
@@ -17,30 +20,6 @@ fn every_shipped_robot_can_be_diagnosed() {
         assert!(json["parameters"]["base"].as_u64().unwrap() <= json["parameters"]["acting"].as_u64().unwrap());
         assert!(json["parameters"]["gap"].as_f64().unwrap() > 1e6, "{}", robot.name);
     }
-}
-
-/// The ranks of the two published parallel robots, which independent programs have computed symbolically.
-#[test]
-fn known_numbers_of_base_parameters() {
-    let count = |name: &str, kind, gravity: bool| {
-        let robot = pkm_robots::find(name).unwrap();
-        let mut model = pkm_dyn::urdf::parse(robot.toml, robot.urdf, [robot.toml_name, robot.urdf_name]).unwrap().bare;
-        if !gravity {
-            model.gravity.fill(0.0);
-        }
-        let mut x = 0.1_f64;
-        let mut uniform = || {
-            x = (x * 997.0 + 0.618_033_988_749_895) % 1.0;
-            x
-        };
-        let base = base_parameters(&model, kind, 300, &mut uniform).unwrap();
-        (base.standard, base.acting, base.inertial, base.with_rotors)
-    };
-    assert_eq!(count("prs3", States::Moving, true), (70, 25, 19, 22));
-    assert_eq!(count("prs3", States::Moving, false).2, 19);
-    assert_eq!(count("ups3_rpu1", States::Moving, true).2, 51);
-    assert_eq!(count("ups3_rpu1", States::Moving, false).2, 40);
-    assert_eq!(count("ups3_rpu1", States::AtRest, true).2, 15);
 }
 
 #[test]
