@@ -5,6 +5,7 @@ use alloc::vec::Vec;
 
 use nalgebra::DMatrix;
 
+use crate::configuration::{difference as gone, integrate};
 use crate::data::Data;
 use crate::elimination::Elimination;
 use crate::loops::gap::loop_gap;
@@ -127,7 +128,7 @@ impl Guide {
         for iteration in 0..=MAX_ITERATIONS {
             let error = self.linearise(model, data);
             if error <= MET {
-                return iteration == 0 || self.is_on_the_branch(&data.q);
+                return iteration == 0 || self.is_on_the_branch(model, &data.q);
             }
             if !error.is_finite() || self.elimination.rank() < data.q.len() {
                 return false;
@@ -145,9 +146,7 @@ impl Guide {
                     return false;
                 }
             }
-            for (q, s) in data.q.iter_mut().zip(&self.step) {
-                *q += s;
-            }
+            integrate(model, &mut data.q, &self.step);
         }
         false
     }
@@ -173,8 +172,9 @@ impl Guide {
     }
 
     /// Whether the way from `before` to `q` is the tangent's, more or less.
-    fn is_on_the_branch(&self, q: &[f64]) -> bool {
-        let bend = largest(q.iter().zip(&self.before).zip(&self.tangent).map(|((q, b), t)| q - b - t));
+    fn is_on_the_branch(&mut self, model: &Model, q: &[f64]) -> bool {
+        gone(model, &self.before, q, &mut self.step);
+        let bend = largest(self.step.iter().zip(&self.tangent).map(|(way, t)| way - t));
         bend <= BEND * largest(self.tangent.iter().copied()) + 1e3 * MET
     }
 }

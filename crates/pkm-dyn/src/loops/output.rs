@@ -88,10 +88,8 @@ pub fn output_jacobian(model: &Model, data: &Data, output: &Output, jacobian: &m
     let ((sa, ca), (sb, cb)) = (math::sin_cos(rx), math::sin_cos(ry));
     let mut at = output.frame.body;
     while let Some(j) = at {
-        let x = &data.pose_wb[j];
-        let s = model.joints[j].motion();
-        let w = x.rotation * s.angular;
-        let p: Vector3<f64> = x.rotation * s.linear + w.cross(&(pose.translation - x.translation));
+        let w = data.axis_w[j].angular;
+        let p: Vector3<f64> = data.axis_w[j].linear + w.cross(&pose.translation);
         // w = rx'·x + ry'·Rx·y + rz'·Rx·Ry·z, solved for the rates.
         let rz = (w.z * ca - w.y * sa) / cb;
         let rates = [p.x, p.y, p.z, w.x - rz * sb, w.y * ca + w.z * sa, rz];

@@ -17,6 +17,7 @@ pub use summary::Scan;
 use alloc::string::String;
 use alloc::vec::Vec;
 
+use crate::configuration::integrate;
 use crate::data::Data;
 use crate::elimination::Elimination;
 use crate::loops::{Coordinate, assemble, loop_gap};
@@ -143,7 +144,7 @@ pub fn home(model: &Model, data: &mut Data) -> Option<Vec<f64>> {
         }
         all.factor(|i, j| data.loop_jacobian[(i, j)]);
         all.solve(|i| -data.loop_gap[i], &mut step);
-        q.iter_mut().zip(&step).for_each(|(q, s)| *q += s);
+        integrate(model, &mut q, &step);
     }
     None
 }
