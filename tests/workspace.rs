@@ -1,6 +1,8 @@
 //! Singularities and workspaces: published numbers of the 4-UPS ankle and the 3UPS+1RPU knee, closed forms of planar linkages, and
 //! Jacobians assembled otherwise, by finite differences of positions.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails, outside #[test] functions too")]
+
 use core::f64::consts::FRAC_PI_4;
 
 use nalgebra::{DMatrix, Matrix2, Vector2, Vector3};
@@ -39,7 +41,7 @@ fn close_leg(model: &mut Model, name: &str, ball: Vector3<f64>, leg: Vector3<f64
     model.set_assembly(&part("l"), leg.norm()).unwrap();
 }
 
-/// The 4-UPS ankle of [McDaid2013], Table 8.2, with its ankle centre at `ankle`: angles from the x axis (the reading that meets the
+/// The 4-UPS ankle of [McDaid], Table 8.2, with its ankle centre at `ankle`: angles from the x axis (the reading that meets the
 /// claimed reach), or from the y axis. The balls stay where they are in the base frame when the ankle is elsewhere.
 fn ups4(ankle: Vector3<f64>, turned: bool) -> Model {
     let point = |r: f64, degrees: f64, k: usize, z: f64| {

@@ -99,7 +99,7 @@ impl<'m> Scanner<'m> {
         let q = core::mem::take(&mut self.data.q);
         let s = self.singularities.at(self.model, &mut self.data, &q);
         self.data.q = q;
-        let is_crossed = self.orientation != 0.0 && s.orientation != self.orientation;
+        let is_crossed = s.orientation * self.orientation < 0.0;
         let mut cause = self.beyond_a_limit();
         if cause == Cause::Reachable && (s.parallel < self.margins.parallel || s.parallel.is_nan()) {
             cause = Cause::Singular;

@@ -51,7 +51,7 @@ impl FromStr for Range {
         };
         let (from, to) = (number(from)?, number(to)?);
         let n: usize = n.parse().map_err(|_| format!("{n:?} is not a number of values"))?;
-        if !(1..=MAX_VALUES).contains(&n) || n == 1 && from != to || n > 1 && from >= to {
+        if !(1..=MAX_VALUES).contains(&n) || n == 1 && from.total_cmp(&to).is_ne() || n > 1 && from >= to {
             return Err(format!("{text:?}: FROM must be below TO, and N from 2 to {MAX_VALUES} (or FROM = TO and N = 1)"));
         }
         Ok(Self { name, values: spread(from, to, n) })
