@@ -13,7 +13,9 @@ use pkm_dyn::crba::crba;
 use pkm_dyn::energy::{center_of_mass, kinetic_energy, potential_energy};
 use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, friction_regressor, inverse_dynamics, loop_efforts, rigid_effort};
 use pkm_dyn::jacobian::{Reference, frame_jacobian, frame_jacobian_time_variation, joint_jacobians, motion_of};
-use pkm_dyn::loops::{assemble, internal_efforts, joint_wrenches, loop_drift, loop_gap, loop_wrench, reduction};
+use pkm_dyn::loops::{
+    Coordinate, Guide, Output, Singularities, assemble, internal_efforts, joint_wrenches, loop_drift, loop_gap, loop_wrench, reduction,
+};
 use pkm_dyn::model::FrameOnBody;
 use pkm_dyn::regressor::{joint_torque_regressor, kinetic_energy_regressor, potential_energy_regressor};
 use pkm_dyn::rnea::{generalized_gravity, nle, rnea};
@@ -160,6 +162,27 @@ fn along_a_motion(model: &Model, draw: &mut Draw) -> usize {
         loop_gap(model, &mut data, &q_tree);
         loop_drift(model, &mut data);
     })
+}
+
+#[test]
+fn distances_from_singularities_and_guided_motion_allocate_nothing() {
+    let mut draw = Draw::new(41);
+    let model = drawn_loops(SHAPES[2], &mut draw);
+    let mut data = Data::new(&model);
+    let home = model.assembly.clone();
+    let last = model.links.iter().rfind(|l| l.body.is_some()).map(|l| l.name.clone()).expect("a moving link");
+    let output = Output::named(&model, &last).expect("the link is there");
+    let mut singularities = Singularities::new(&model, &mut data, &home, output.clone(), &[0, 1, 2, 3, 4, 5], 1.0);
+    let mut guide = Guide::new(&model, output, model.actuators.iter().map(|&j| Coordinate::Joint(j)).collect());
+    let ahead: Vec<f64> = model.actuators.iter().map(|&j| home[j] + 0.01).collect();
+    data.q.copy_from_slice(&home);
+    let mut motion = vec![0.0; model.nv()];
+    let count = allocations(|| {
+        let _ = black_box(singularities.at(&model, &mut data, &home));
+        singularities.loosest_motion(&mut motion);
+        black_box(guide.move_to(&model, &mut data, &ahead));
+    });
+    assert_eq!(count, 0);
 }
 
 #[test]

@@ -36,6 +36,31 @@ class AppliedEffect(TypedDict):
     parameters: dict[str, float]
 
 @type_check_only
+class Singularities(TypedDict):
+    """Arrays over samples; `loosest_motion` has a column per joint, `loosest_output` one per name in `coordinates`."""
+
+    parallel: NDArray[numpy.float64]
+    serial: NDArray[numpy.float64]
+    condition: NDArray[numpy.float64]
+    passive: NDArray[numpy.float64]
+    constraint: NDArray[numpy.float64]
+    loosest_motion: NDArray[numpy.float64]
+    loosest_output: NDArray[numpy.float64]
+    coordinates: list[str]
+
+@type_check_only
+class Workspace(TypedDict):
+    """Arrays with one axis per scanned axis; `cause` indexes `causes`, NaN where the loops do not close."""
+
+    reachable: NDArray[numpy.bool_]
+    cause: NDArray[numpy.uint8]
+    parallel: NDArray[numpy.float64]
+    serial: NDArray[numpy.float64]
+    condition: NDArray[numpy.float64]
+    causes: list[str]
+    home: dict[str, float]
+
+@type_check_only
 class Units(TypedDict):
     """Unit of a parameter by kind of joint."""
 
@@ -195,6 +220,24 @@ class Robot:
 
     def joint_torque_regressor(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
         """Regressor of the spanning tree, (n_samples, nv, 10 * nv). Arguments (n_samples, nv)."""
+
+    def singularities(
+        self, q: ArrayLike, *, link: str | None = None, coordinates: Sequence[str] | None = None, length: float = 1.0
+    ) -> Singularities:
+        """Distances from singularities at poses of the drives, q (n_samples, n_act); metres are divided by `length`."""
+
+    def workspace(
+        self,
+        axes: dict[str, ArrayLike],
+        *,
+        link: str | None = None,
+        at: dict[str, float] | None = None,
+        cone_deg: float | None = None,
+        singularity_limit: float = 0.0,
+        condition_limit: float = ...,
+        length: float = 1.0,
+    ) -> Workspace:
+        """Which poses can be reached, over one to three axes: x y z rx ry rz of the link or driven joints, values [m | rad]."""
 
     def with_effect(self, name: str, where: str, **parameters: float) -> Robot:
         """The same robot with one more effect of the library at a joint or link; parameters SI."""

@@ -84,6 +84,13 @@ impl Motion {
         Ok(Self { q, v, a })
     }
 
+    /// At rest in the poses of one array of shape `(n_samples, n)`.
+    pub(crate) fn try_still(q: &ArrayLike<'_>, n: usize, columns: &str) -> PyResult<Self> {
+        let q = Samples::try_new("q", q, n, columns)?;
+        let rest = || Samples { values: vec![0.0; q.values.len()], n, len: q.len };
+        Ok(Self { v: rest(), a: rest(), q })
+    }
+
     /// Number of samples.
     pub(crate) fn len(&self) -> usize {
         self.q.len

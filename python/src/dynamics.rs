@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 use crate::array::{ArrayLike, Motion, Samples, matrices, matrix, read_only};
-use crate::{error, mechanics, motion};
+use crate::{error, mechanics, motion, workspace};
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
 type Matrix<'py> = Bound<'py, PyArray2<f64>>;
@@ -365,6 +365,50 @@ impl Robot {
         let (whole, model) = (self.whole([&q, &v, &a])?, self.model());
         let all = py.detach(|| motion::tree_regressors(model, &whole));
         matrices(py, all, [whole.len(), model.nv(), 10 * model.nv()])
+    }
+
+    /// Distances from singularities at every pose of the drives, as a dict of arrays with one entry per sample.
+    ///
+    /// q `[m | rad]`: shape `(n_samples, n_act)`. `parallel` (type 2) and `serial` (type 1) are the smallest singular values of dq/dx and
+    /// dx/dq with metres divided by `length`, `condition` that of dx/dq, `passive` and `constraint` those of the loops' constraints.
+    #[pyo3(signature = (q, *, link=None, coordinates=None, length=1.0))]
+    fn singularities<'py>(
+        &self,
+        py: Python<'py>,
+        q: ArrayLike<'py>,
+        link: Option<&str>,
+        coordinates: Option<Vec<String>>,
+        length: f64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let poses = Motion::try_still(&q, self.model().n_act(), "drive (robot.actuators)")?;
+        workspace::singularities(py, self.model(), &poses, &workspace::Question { link, coordinates, length })
+    }
+
+    /// Which poses can be reached: a dict of arrays with one axis per entry of `axes`, a dict from names to values.
+    ///
+    /// Names are x y z rx ry rz of the link, or driven joints; `cause` indexes `causes`, 0 is reachable.
+    #[pyo3(signature = (axes, *, link=None, at=None, cone_deg=None, singularity_limit=0.0, condition_limit=f64::INFINITY, length=1.0))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn workspace<'py>(
+        &self,
+        py: Python<'py>,
+        axes: &Bound<'py, PyDict>,
+        link: Option<&str>,
+        at: Option<BTreeMap<String, f64>>,
+        cone_deg: Option<f64>,
+        singularity_limit: f64,
+        condition_limit: f64,
+        length: f64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let limits = workspace::Limits {
+            link,
+            at: at.unwrap_or_default(),
+            cone_deg,
+            singularity: singularity_limit,
+            condition: condition_limit,
+            length,
+        };
+        workspace::workspace(py, self.model(), axes, &limits)
     }
 
     /// The same robot with one more effect of the library at a joint or link; parameters are keywords, SI.

@@ -15,6 +15,7 @@ mod motion;
 mod recording;
 mod robots;
 mod simulation;
+mod workspace;
 
 use pyo3::prelude::*;
 

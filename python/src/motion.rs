@@ -63,6 +63,11 @@ fn along(model: &Model, motion: &Motion, mut each: impl FnMut(&mut Data)) -> Res
     Ok(())
 }
 
+/// Calls `each` after the closed pose of every sample is in `data.q`.
+pub(crate) fn along_positions(model: &Model, motion: &Motion, mut each: impl FnMut(&mut Data)) -> Result<(), Open> {
+    along(model, motion, |data| each(data))
+}
+
 /// Efforts of the drives, `n_samples × drives`.
 pub(crate) fn inverse_dynamics(model: &Model, motion: &Motion) -> Result<Vec<f64>, Open> {
     let mut out = Vec::with_capacity(motion.len() * model.n_act());

@@ -32,8 +32,10 @@ pub mod regressor;
 pub mod rnea;
 mod small;
 pub mod spatial;
+pub mod svd;
 #[cfg(feature = "urdf")]
 pub mod urdf;
+pub mod workspace;
 
 pub use data::Data;
 pub use model::Model;

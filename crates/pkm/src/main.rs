@@ -15,6 +15,7 @@ mod random;
 mod robot_file;
 mod seal;
 mod trial_null;
+mod workspace;
 
 use core::panic::AssertUnwindSafe;
 use std::panic::catch_unwind;
@@ -36,6 +37,7 @@ const HELP: &str = "\
 
 Look at a robot:
   check       Say what a robot file describes and whether it can be diagnosed
+  workspace   Say where a robot can go, what limits it, and how near it is to a singularity
   effects     List the physics that a diagnosis can name
 
 Handle recordings:
@@ -77,6 +79,8 @@ struct Cli {
 enum Verb {
     /// Say what a robot file describes and whether it can be diagnosed.
     Check(check::Args),
+    /// Say where a robot can go, what limits it, and how near it is to a singularity.
+    Workspace(workspace::Args),
     /// List the physics that a diagnosis can name, or one entry in full.
     Effects(effects::Args),
     /// Turn a CSV recording into MCAP, or back.
@@ -98,6 +102,7 @@ fn main() -> ExitCode {
     start_log(cli.verbose);
     let result = catch_unwind(AssertUnwindSafe(|| match &cli.verb {
         Verb::Check(args) => check::run(args),
+        Verb::Workspace(args) => workspace::run(args),
         Verb::Effects(args) => effects::run(args),
         Verb::Convert(args) => convert::run(args),
         Verb::Diagnose(args) => diagnose::run(args),

@@ -1,4 +1,4 @@
-//! A diagnosis as one self-contained HTML page and as terminal text.
+//! A diagnosis, or a scanned workspace, as one self-contained HTML page and as terminal text.
 //!
 //! Both renderings show the same content in the same order: the answer, the held-out numbers, the findings with their proof, what was
 //! ruled out, what could not have been seen. Nothing is computed here that the verdict does not already say, and no file is written.
@@ -13,9 +13,10 @@ macro_rules! put {
 
 mod format;
 mod html;
+mod pose;
 mod svg;
 mod terminal;
 mod words;
 
-pub use html::html;
-pub use terminal::{Style, terminal};
+pub use html::{html, workspace_html};
+pub use terminal::{Style, terminal, workspace_terminal};

@@ -282,3 +282,29 @@ fn no_arguments_are_bad_usage_and_help_is_not() {
     }
     assert!(demo().is_dir());
 }
+
+#[test]
+fn a_workspace_that_cannot_be_asked_for() {
+    let folder = rig();
+    for (robot, arguments, parts) in [
+        ("ups3_rpu1", &["--axes", "x,nose"][..], &["\"nose\" is no coordinate", "q42"][..]),
+        ("ups3_rpu1", &["--axes", "x,y"], &["y: it is fixed or follows"]),
+        ("ups3_rpu1", &["--axes", "x,z,ry"], &["3 axes"]),
+        ("ups3_rpu1", &["--axes", "x", "--at", "x=0"], &["\"x\" is named twice"]),
+        ("ups3_rpu1", &["--link", "nose"], &["--link \"nose\"", "platform"]),
+        ("ups3_rpu1", &["--link", "base"], &["does not move"]),
+        ("ups3_rpu1", &["--cone", "nose=3"], &["--cone \"nose\"", "leg1"]),
+        ("ups3_rpu1", &["--cone", "200"], &["between 0 and 180"]),
+        ("ups3_rpu1", &["--range", "x=0:nan:5"], &["must be finite"]),
+        ("ups3_rpu1", &["--range", "x=0:1:2000", "z=0:1:2000", "--slices", "ry=0:1:9"], &["36000000 cells (limit 4000000)"]),
+        ("ups3_rpu1", &["--length", "0"], &["--length 0 m"]),
+        ("ups3_rpu1", &["--singularity-limit", "nan"], &["--singularity-limit NaN"]),
+        ("serial_arm", &[], &["determine 5 of 6 degrees of freedom"]),
+        ("rig.toml", &["--axes", "j1", "--html", "rig.urdf"], &["would overwrite the input"]),
+        ("rig.toml", &["--html", "no/such/w.html"], &["no directory"]),
+    ] {
+        let mut all = vec!["workspace", robot, "--csv", "w.csv"];
+        all.extend(arguments);
+        refused(folder.path(), &all, parts);
+    }
+}

@@ -185,3 +185,42 @@ fn runs_with_nothing_missing_are_tabulated() {
     assert_eq!((&json["schema"], json["runs"].as_array().unwrap().len()), (&"pkm.null/1".into(), 2));
     assert_eq!(json["runs"][1]["seed"], 2);
 }
+
+#[test]
+fn a_workspace_is_scanned_drawn_and_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let ask = ["workspace", "ups3_rpu1", "--range", "ry=-10deg:20deg:16", "rz=-0.6:0.2:9", "--slices", "x=0:50mm:2", "--at", "z=0.69"];
+    let told = prints(folder.path(), &[&ask[..], &["--cone", "20", "--html", "w.html", "--csv", "w.csv"]].concat());
+    assert!(
+        told.contains("poses reachable") && told.contains("drive stroke q13") && told.contains("z = 0.6900 m") && !told.contains('\u{1b}')
+    );
+    assert_eq!(names(folder.path()), ["w.csv", "w.html"]);
+    let page = fs::read_to_string(folder.path().join("w.html")).unwrap();
+    assert!(page.matches("<figure>").count() == 2 && !page.contains("http") && page.len() < 100_000);
+    let csv = fs::read_to_string(folder.path().join("w.csv")).unwrap();
+    assert_eq!(csv.lines().next(), Some("ry,rz,x,z,cause,place,parallel,serial,condition"));
+    let json: Value = serde_json::from_str(&prints(folder.path(), &[&ask[..], &["--cone", "20", "--json"]].concat())).unwrap();
+    assert_eq!((&json["schema"], &json["poses"], csv.lines().count()), (&"pkm.workspace/1".into(), &288.into(), 289));
+    let reachable = csv.lines().filter(|l| l.contains(",reachable,")).count();
+    assert_eq!(json["reachable"], reachable);
+    assert!(reachable > 10 && reachable < 200 && told.contains(" of 288 poses"), "{reachable}");
+    let causes: Vec<&str> = json["limits"].as_array().unwrap().iter().map(|l| l["cause"].as_str().unwrap()).collect();
+    assert!(causes.contains(&"drive stroke"), "{causes:?}");
+    // The middle leg allows no travel sideways; every pose of a slice has its values.
+    assert_eq!(json["slices"][1]["parallel"].as_array().unwrap().len(), 144);
+    assert!(json["home"]["parallel"].as_f64().unwrap() > 0.05);
+    // Asked twice, told the same, whatever the threads do.
+    assert_eq!(told, prints(folder.path(), &[&ask[..], &["--cone", "20", "--html", "w.html", "--csv", "w.csv"]].concat()));
+    assert_eq!(page, fs::read_to_string(folder.path().join("w.html")).unwrap());
+}
+
+#[test]
+fn every_shipped_parallel_robot_has_a_workspace_without_being_told_more() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["prs3", "ups3_rpu1", "five_bar"] {
+        let told = prints(folder.path(), &["workspace", name]);
+        assert!(told.contains("of 1681 poses reachable") && !told.contains("· 0 %"), "{told}");
+    }
+    let arm = prints(folder.path(), &["workspace", "serial_arm", "--axes", "j2,j3"]);
+    assert!(arm.contains("of 1681 poses reachable"), "{arm}");
+}

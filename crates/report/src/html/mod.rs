@@ -1,4 +1,4 @@
-//! The diagnosis as one HTML file: no network, no script, everything inline.
+//! The diagnosis, or a scanned workspace, as one HTML file: no network, no script, everything inline.
 
 mod escape;
 mod findings;
@@ -6,6 +6,8 @@ mod joints;
 mod numbers;
 mod page;
 mod tables;
+mod workspace;
 
 pub(crate) use escape::{esc, num};
 pub use page::html;
+pub use workspace::workspace_html;

@@ -46,6 +46,12 @@ impl Axis {
         (step.is_finite() && step > 0.0).then_some(Self { lower, upper, step })
     }
 
+    /// Axis from `lower` to `upper` exactly; none unless both are finite and in order.
+    pub(crate) fn between(lower: f64, upper: f64, n: f64) -> Option<Self> {
+        let step = nice_step(upper - lower, n);
+        (lower < upper && step.is_finite() && step > 0.0).then_some(Self { lower, upper, step })
+    }
+
     /// Position of `value` along the axis, 0 at the lower and 1 at the upper end.
     pub(crate) fn fraction(&self, value: f64) -> f64 {
         (value - self.lower) / (self.upper - self.lower)

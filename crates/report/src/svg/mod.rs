@@ -5,12 +5,14 @@
 
 mod axis;
 mod bars;
+mod heat;
 mod line;
 mod plot;
 mod scatter;
 
 pub(crate) use axis::Axis;
 pub(crate) use bars::bar;
+pub(crate) use heat::{Grid, LEVELS, cross};
 pub(crate) use line::{decimate, path, spans};
 pub(crate) use plot::{Frame, Plot};
 pub(crate) use scatter::{curve, dots};

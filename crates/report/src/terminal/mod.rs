@@ -3,12 +3,14 @@
 mod findings;
 mod ink;
 mod sections;
+mod workspace;
 
 use pkm_diagnose::Diagnosis;
 use pkm_diagnose::verdict::Status;
 
 use crate::words;
 use ink::{Ink, Tone};
+pub use workspace::workspace_terminal;
 
 /// Whether the text carries colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
