@@ -8,6 +8,7 @@ mod demo;
 mod diagnose;
 mod diagnosis;
 mod effects;
+mod export;
 mod out;
 mod outputs;
 mod progress;
@@ -37,6 +38,7 @@ const HELP: &str = "\
 Look at a robot:
   check       Say what a robot file describes and whether it can be diagnosed
   effects     List the physics that a diagnosis can name
+  export      Write a robot for Pinocchio or MuJoCo
 
 Handle recordings:
   convert     Turn a CSV recording into MCAP, or back
@@ -57,6 +59,7 @@ Examples:
   pkm diagnose robot.toml --recording A.csv --holdout B.csv --json out.json --html out.html
   pkm convert A.csv A.mcap --robot robot.toml
   pkm effects friction_stribeck
+  pkm export prs3 --format mjcf --out prs3.xml
 
 `pkm VERB --help` explains a verb and its flags. Shipped robots can be given by name wherever a ROBOT is asked for.
 ";
@@ -79,6 +82,8 @@ enum Verb {
     Check(check::Args),
     /// List the physics that a diagnosis can name, or one entry in full.
     Effects(effects::Args),
+    /// Write a robot for Pinocchio or MuJoCo.
+    Export(export::Args),
     /// Turn a CSV recording into MCAP, or back.
     Convert(convert::Args),
     /// Locate, name and size what a robot file leaves out of its recordings.
@@ -99,6 +104,7 @@ fn main() -> ExitCode {
     let result = catch_unwind(AssertUnwindSafe(|| match &cli.verb {
         Verb::Check(args) => check::run(args),
         Verb::Effects(args) => effects::run(args),
+        Verb::Export(args) => export::run(args),
         Verb::Convert(args) => convert::run(args),
         Verb::Diagnose(args) => diagnose::run(args),
         Verb::TrialNull(args) => trial_null::run(args),
