@@ -46,10 +46,10 @@ class Drawing:
     def inertial(self):
         rng = self.rng
         mass, edges = rng.uniform(0.5, 3.0), rng.uniform(0.05, 0.4, 3)
-        i = mass / 12 * (edges @ edges - edges**2)
+        ixx, iyy, izz = (mass / 12 * (edges @ edges - edges**2)).tolist()
         return (
             f'<inertial><origin xyz="{numbers(rng.uniform(-0.2, 0.2, 3))}" rpy="{numbers(rng.uniform(-1, 1, 3))}"/><mass value="{mass!r}"/>'
-            f'<inertia ixx="{i[0]!r}" ixy="0" ixz="0" iyy="{i[1]!r}" iyz="0" izz="{i[2]!r}"/></inertial>'
+            f'<inertia ixx="{ixx!r}" ixy="0" ixz="0" iyy="{iyy!r}" iyz="0" izz="{izz!r}"/></inertial>'
         )
 
     def add(self, name, kind, ends, *, xyz=None, rpy=None, axis=None, massless=False, rotor=None):
@@ -77,7 +77,7 @@ class Drawing:
         rpy = np.array([0.0, 0.0, rng.uniform(-1, 1)]) if planar else rng.uniform(-1, 1, 3)
         a = pose(rng.uniform(-0.3, 0.3, 3), rpy)
         there = np.linalg.inv(self.at[ends[1]]) @ self.at[ends[0]] @ a
-        if planar:
+        if planar and "z" not in constrain:
             there[2, 3] += 0.07
         for link, frame in zip(ends, [a, there], strict=True):
             values = [frame[:3, 3].tolist(), angles(frame[:3, :3]).tolist()]

@@ -96,7 +96,7 @@ class InMujoco:
         """Position errors and Jacobian of the loops and couplings."""
         data = self.data
         rows = data.efc_type[: data.nefc] == mujoco.mjtConstraint.mjCNSTR_EQUALITY
-        return data.efc_pos[rows], data.efc_J.reshape(data.nefc, -1)[rows][:, self.dof]
+        return data.efc_pos[rows], data.efc_J.reshape(data.nefc, self.model.nv)[rows][:, self.dof]
 
 
 def test_mujoco_has_the_same_mass_matrix_and_bias(tmp_path):
@@ -188,4 +188,151 @@ def test_loops_that_mujoco_has_not_are_refused(tmp_path):
 
 # ---- Pinocchio
 
-pin = pytest.importorskip("pinocchio", reason="the package pin is not installed")
+
+class InPinocchio:
+    """An exported robot, its constraints built from the loop file as toolbox-parallel-robots builds them."""
+
+    def __init__(self, robot, folder, *, mimic=False):
+        self.pin = pytest.importorskip("pinocchio", reason="the package pin is not installed")
+        urdf, text = robot.to_gepetto()
+        (folder / "robot.urdf").write_text(urdf)
+        self.loops = yaml.safe_load(text)
+        self.model = self.pin.buildModelFromUrdf(str(folder / "robot.urdf"), mimic=mimic)
+        assert self.loops["name_mot"] == robot.actuators
+        # The direction is that of Pinocchio; the size need not be.
+        assert np.abs(self.loops["gravity"][:2]).max() < 1e-12 and self.loops["gravity"][2] < 0
+        self.default_gravity = self.model.gravity.linear.copy()
+        self.model.gravity.linear = np.array(self.loops["gravity"])
+        for joint, inertia in self.loops["armature"].items():
+            self.model.armature[self.column(joint)] = inertia
+        self.data = self.model.createData()
+        self.ours = [self.column(name) for name in robot.joints if name in list(self.model.names)]
+        self.others = [k for k in range(self.model.nv) if k not in self.ours]
+        self.constraints = [self.constraint(*loop) for loop in zip(self.loops["closed_loop"], self.loops["type"], strict=True)]
+        self.constraint_data = [c.createData() for c in self.constraints]
+
+    def column(self, joint):
+        return self.model.joints[self.model.getJointId(joint)].idx_v
+
+    def constraint(self, frames, kind):
+        assert all(self.model.existFrame(name) for name in frames)
+        ends = [self.model.frames[self.model.getFrameId(name)] for name in frames]
+        places = [place for end in ends for place in (end.parentJoint, end.placement)]
+        types = {"3d": self.pin.ContactType.CONTACT_3D, "6d": self.pin.ContactType.CONTACT_6D}
+        return self.pin.RigidConstraintModel(types[kind], self.model, *places, self.pin.ReferenceFrame.LOCAL)
+
+    def mass_and_bias(self, q, v):
+        full_q, full_v = np.zeros(self.model.nv), np.zeros(self.model.nv)
+        full_q[self.ours], full_v[self.ours] = q, v
+        mass = self.pin.crba(self.model, self.data, full_q)
+        mass = np.triu(mass) + np.triu(mass, 1).T
+        bias = self.pin.nonLinearEffects(self.model, self.data, full_q, full_v)
+        return mass, bias
+
+    def error(self, q):
+        """How far the loops are open, by the frames alone."""
+        self.pin.framesForwardKinematics(self.model, self.data, q)
+        out = []
+        for (a, b), kind in zip(self.loops["closed_loop"], self.loops["type"], strict=True):
+            frame_a, frame_b = (self.data.oMf[self.model.getFrameId(name)] for name in (a, b))
+            between = frame_a.actInv(frame_b)
+            out.extend(between.translation)
+            if kind == "6d":
+                out.extend(self.pin.log3(between.rotation))
+        return np.array(out)
+
+    def jacobian(self, q):
+        self.pin.computeJointJacobians(self.model, self.data, q)
+        for constraint, data in zip(self.constraints, self.constraint_data, strict=True):
+            constraint.calc(self.model, self.data, data)
+        if not self.constraints:
+            return np.zeros((0, self.model.nv))
+        return self.pin.getConstraintsJacobian(self.model, self.data, self.constraints, self.constraint_data)
+
+    def closed(self, q, guess):
+        """`q` with the coordinates of the massless joints that close the loops, by Gauss-Newton from `guess`."""
+        full = np.array(guess)
+        full[self.ours] = q
+        for _ in range(20):
+            if self.others:
+                slope = numeric_slope(self.error, full, self.others)
+                full[self.others] -= np.linalg.lstsq(slope, self.error(full), rcond=None)[0]
+        return full
+
+
+def numeric_slope(function, q, columns):
+    out = []
+    for k in columns:
+        ahead, behind = np.array(q), np.array(q)
+        ahead[k] += 1e-6
+        behind[k] -= 1e-6
+        out.append((function(ahead) - function(behind)) / 2e-6)
+    return np.array(out).T
+
+
+def test_pinocchio_need_not_be_told_of_earths_gravity(tmp_path, robot):
+    there = InPinocchio(robot, tmp_path)
+    np.testing.assert_allclose(there.loops["gravity"], there.default_gravity, rtol=0, atol=1e-12)
+
+
+def loose_robots(folder):
+    for seed in range(2):
+        for name, (constrain, n) in LOOSE.items():
+            yield f"{name} {seed}", drawn_robots.joined_chains(folder, seed, constrain, n)
+
+
+def test_pinocchio_has_the_same_mass_matrix_and_bias(tmp_path):
+    for name, robot in [*robots(tmp_path), *loose_robots(tmp_path)]:
+        there = InPinocchio(robot, tmp_path)
+        for _ in range(4):
+            q, v = RNG.uniform(-1, 1, robot.nv), RNG.uniform(-2, 2, robot.nv)
+            mass, bias = there.mass_and_bias(q, v)
+            our_mass, our_bias = mass_and_bias(robot, q, v)
+            assert_same(our_mass, mass[np.ix_(there.ours, there.ours)])
+            assert_same(our_bias, bias[there.ours])
+            assert np.abs(mass[there.others]).max(initial=0.0) == 0.0, name
+            assert np.abs(bias[there.others]).max(initial=0.0) == 0.0, name
+
+
+def test_pinocchio_closes_the_same_loops(tmp_path):
+    n_closed = 0
+    for name, robot in [*robots(tmp_path), *loose_robots(tmp_path)]:
+        if name == "follower":
+            continue
+        there = InPinocchio(robot, tmp_path)
+        guess = np.zeros(there.model.nv)
+        for joint, q in there.loops["home"].items():
+            guess[there.column(joint)] = q
+        np.testing.assert_allclose(guess[there.ours], robot.assemble(), atol=1e-9)
+        assert np.abs(there.error(guess)).max(initial=0.0) < 1e-9, name
+        for q, motions in closed_poses(robot):
+            full = there.closed(q, guess)
+            assert np.abs(there.error(full)).max(initial=0.0) < 1e-9, name
+            jacobian = there.jacobian(full)
+            # Our motions, with those of the massless joints that follow, keep their loops closed, and theirs leave no others.
+            left = jacobian[:, there.ours] @ motions
+            followed = np.linalg.lstsq(jacobian[:, there.others], -left, rcond=None)[0] if there.others else np.zeros((0, robot.n_act))
+            left = left + jacobian[:, there.others] @ followed
+            assert np.abs(left).max(initial=0.0) < 1e-8 * (1 + np.abs(motions).max()), name
+            n_rows = np.linalg.matrix_rank(jacobian, tol=1e-7) if len(jacobian) else 0
+            assert n_rows == there.model.nv - robot.n_act, name
+            n_closed += len(jacobian) > 0
+    assert n_closed > 90
+
+
+def test_pinocchio_couples_a_follower(tmp_path):
+    robot = drawn_robots.coupled(tmp_path, 1, {"j0": -0.7})
+    there = InPinocchio(robot, tmp_path, mimic=True)
+    assert there.model.nv == robot.nv - 1
+    q, v, a = RNG.uniform(-1, 1, (3, 1, robot.n_act))
+    tau = there.pin.rnea(there.model, there.data, q[0], v[0], a[0]) + there.model.armature * a[0]
+    ours = robot.inverse_dynamics(q, v, a)[0]
+    columns = [there.column(name) for name in robot.actuators]
+    np.testing.assert_allclose(tau[columns], ours, rtol=1e-9, atol=1e-9)
+
+
+def test_a_rotation_about_one_axis_alone_is_refused(tmp_path):
+    robot = drawn_robots.joined_chains(tmp_path, 3, ["rz"], 1)
+    for export in (robot.to_gepetto, robot.to_mjcf):
+        with pytest.raises(ValueError, match=r'loop "yoke": rz cannot be closed by'):
+            export()
