@@ -102,6 +102,7 @@ def tree(folder, seed, gravity=(0.0, 0.0, -9.81)):
     d.add("j4", "revolute", ("l0", "hub"), massless=True, rotor=0.2)
     d.add("j5", d.kind(), ("hub", "l5"), rotor=0.1)
     d.add("j6", d.kind(), ("hub", "l6"), rotor=0.05)
+    d.add("j7", "continuous", ("l6", "l7"), rotor=0.0)
     d.toml.append('[[actuator]]\njoint = "j1"')
     return d.load(folder, gravity)
 

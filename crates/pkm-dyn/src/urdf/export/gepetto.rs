@@ -10,7 +10,7 @@ use urdf_rs::JointType;
 
 use super::closure::{Kind, closing, gap, points};
 use super::joints::{left_out, physics};
-use super::{ExportError, Names, axes, home};
+use super::{ExportError, Names, axes, home, printable};
 use crate::math;
 use crate::model::{LoopClosure, Model};
 use crate::spatial::Pose;
@@ -58,12 +58,17 @@ pub fn gepetto(description: &Description) -> Result<Gepetto, ExportError> {
         out.close(description, &q, index)?;
     }
     let gravity = out.upright(&model);
-    if out.urdf.links.iter().any(|l| !l.visual.is_empty() || !l.collision.is_empty()) {
+    if out.urdf.links.iter().any(has_mesh) {
         out.notes.push("mesh files are not copied; their names are those of the original URDF".to_string());
     }
     let yaml = out.yaml(&model, gravity);
     let urdf = urdf_rs::write_to_string(&out.urdf).map_err(|e| ExportError::Writing(e.to_string()))?;
     Ok(Gepetto { urdf, yaml, notes: out.notes })
+}
+
+fn has_mesh(link: &urdf_rs::Link) -> bool {
+    let mut shapes = link.visual.iter().map(|v| &v.geometry).chain(link.collision.iter().map(|c| &c.geometry));
+    shapes.any(|g| matches!(g, urdf_rs::Geometry::Mesh { .. }))
 }
 
 /// The files in the making.
@@ -221,9 +226,9 @@ impl Writing {
         use core::fmt::Write;
         let list = |items: Vec<String>| format!("[{}]", items.join(", "));
         let mut out =
-            format!("# {}: loops and drives of robot.urdf, for toolbox-parallel-robots. Written by pkm.\n", one_line(&model.name));
+            format!("# {}: loops and drives of robot.urdf, for toolbox-parallel-robots. Written by pkm.\n", printable(&model.name));
         for note in &self.notes {
-            let _ = writeln!(out, "# {}", one_line(note));
+            let _ = writeln!(out, "# {}", printable(note));
         }
         let pairs = self.pairs.iter().map(|([a, b], _)| format!("[{}, {}]", quoted(a), quoted(b))).collect();
         let types = self.pairs.iter().map(|(_, kind)| quoted(kind)).collect();
@@ -341,10 +346,6 @@ fn quoted(text: &str) -> String {
     }
     out.push('"');
     out
-}
-
-fn one_line(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
 #[cfg(test)]

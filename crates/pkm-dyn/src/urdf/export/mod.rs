@@ -101,12 +101,17 @@ impl Names {
 
     /// `wanted`, or the nearest free name after it.
     fn fresh(&mut self, wanted: &str) -> String {
-        let mut name = wanted.to_string();
+        let mut name = printable(wanted);
         while !self.0.insert(name.clone()) {
             name.push('_');
         }
         name
     }
+}
+
+/// The text on one line, without what XML and YAML cannot hold.
+fn printable(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') { '_' } else { c }).collect()
 }
 
 /// Numbers with all their digits, separated by spaces.

@@ -5,6 +5,8 @@
 
 use nalgebra::Vector3;
 
+use super::super::Names;
+use super::super::joints::physics;
 use crate::effects::Robot;
 use crate::model::Model;
 use crate::parameters::InertialParameters;
@@ -27,6 +29,8 @@ pub(super) struct JointInBody {
 /// One body of MuJoCo.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Body {
+    /// Name of the link that has its frame.
+    pub(super) name: String,
     /// The model's body whose frame and mass it has.
     pub(super) body: usize,
     /// Index of the parent among the bodies; `None` is the world.
@@ -41,9 +45,11 @@ pub(super) struct Body {
 pub(super) fn bodies(model: &Model) -> Vec<Body> {
     let merged = merged(model);
     let (mut out, mut place) = (Vec::new(), vec![None; model.nv()]);
+    // The world is a body of that name.
+    let mut names = Names::new(["world"]);
     let mut open: Vec<usize> = heads(model, &merged, None);
     while let Some(body) = open.pop() {
-        let made = chain(model, &merged, body, &place);
+        let made = Body { name: names.fresh(name(model, body)), ..chain(model, &merged, body, &place) };
         place[body] = Some(out.len());
         out.push(made);
         open.extend(heads(model, &merged, Some(body)));
@@ -93,7 +99,7 @@ fn chain(model: &Model, merged: &[bool], body: usize, place: &[Option<usize>]) -
         }
     };
     joints.reverse();
-    Body { body, parent: parent.and_then(|p| place[p]), pose: frame.inverse(), joints }
+    Body { name: String::new(), body, parent: parent.and_then(|p| place[p]), pose: frame.inverse(), joints }
 }
 
 /// What is said of bodies without mass that could not vanish.
@@ -101,17 +107,16 @@ pub(super) fn notes(robot: &Robot, bodies: &[Body], tiny: f64) -> Vec<String> {
     let model = &robot.model;
     let is_bare = |b: &&Body| model.bodies[b.body].mass <= 0.0;
     let line = |b: &Body| {
-        let name = name(model, b.body);
         let is_leaf = !model.joints.iter().any(|j| j.parent == Some(b.body));
-        let rotors = b.joints.iter().all(|j| super::super::joints::physics(robot, j.joint).armature > 0.0);
+        let rotors = b.joints.iter().all(|j| physics(robot, j.joint).armature > 0.0);
         let warning = if is_leaf && !rotors { "; MuJoCo calls the mass matrix singular unless it is given mass" } else { "" };
-        format!("link {name:?} has no mass and gets {tiny:e} kg{warning}")
+        format!("link {:?} has no mass and gets {tiny:e} kg{warning}", b.name)
     };
     bodies.iter().filter(is_bare).map(line).collect()
 }
 
 /// Name of the link that gives a body of the model its frame.
-pub(super) fn name(model: &Model, body: usize) -> &str {
+fn name(model: &Model, body: usize) -> &str {
     let own = model.links.iter().find(|l| l.body == Some(body) && l.pose == Pose::identity());
     own.map_or(model.joints[body].name.as_str(), |l| l.name.as_str())
 }

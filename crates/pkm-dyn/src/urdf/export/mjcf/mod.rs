@@ -12,7 +12,7 @@ mod xml;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::joints::{JointPhysics, left_out, physics};
-use super::{ExportError, Names, home, numbers};
+use super::{ExportError, Names, home, numbers, printable};
 use crate::effects::Robot;
 use crate::model::{Joint, JointKind, Model};
 use crate::spatial::Pose;
@@ -46,7 +46,7 @@ pub fn mjcf(robot: &Robot) -> Result<Mjcf, ExportError> {
     let mut xml = Xml::new();
     let head = [format!("{}: written by pkm; SI units, gravity in the root link's frame.", model.name)];
     xml.comment(&[&head[..], &notes].concat())?;
-    xml.open("mujoco", &[("model", model.name.clone())])?;
+    xml.open("mujoco", &[("model", printable(&model.name))])?;
     settings(&mut xml, model)?;
     Tree { robot, bodies: &bodies, sites: sites(model, &closures), reach: reach(model) }.write(&mut xml)?;
     closures::write(&mut xml, model, &closures)?;
@@ -128,11 +128,10 @@ impl Tree<'_> {
 
     fn body(&self, xml: &mut Xml, i: usize) -> Result<(), ExportError> {
         let (body, model) = (&self.bodies[i], &self.robot.model);
-        let name = bodies::name(model, body.body);
-        let mut attributes = vec![("name", name.to_string())];
+        let mut attributes = vec![("name", body.name.clone())];
         attributes.extend(placed(&body.pose));
         xml.open("body", &attributes)?;
-        let m = inertia::inertial(&model.bodies[body.body], name)?;
+        let m = inertia::inertial(&model.bodies[body.body], &body.name)?;
         let i6 = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].map(|at| m.central[at]);
         let com = numbers(m.com.as_slice());
         xml.empty("inertial", &[("pos", com), ("mass", numbers(&[m.mass])), ("fullinertia", numbers(&i6))])?;

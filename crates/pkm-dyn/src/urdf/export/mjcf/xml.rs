@@ -3,7 +3,7 @@
 use quick_xml::Writer;
 use quick_xml::events::{BytesEnd, BytesStart, BytesText, Event};
 
-use super::super::ExportError;
+use super::super::{ExportError, printable};
 
 /// An XML document in the making.
 pub(super) struct Xml(Writer<Vec<u8>>);
@@ -19,7 +19,8 @@ impl Xml {
 
     /// Lines of comment. Two hyphens would end it.
     pub(super) fn comment(&mut self, lines: &[String]) -> Result<(), ExportError> {
-        let text = format!(" {} ", lines.join("\n     ").replace("--", "- -"));
+        let lines: Vec<String> = lines.iter().map(|l| printable(l).replace("--", "- -")).collect();
+        let text = format!(" {} ", lines.join("\n     "));
         self.event(Event::Comment(BytesText::from_escaped(text)))
     }
 
