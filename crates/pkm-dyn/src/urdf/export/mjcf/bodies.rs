@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use super::super::Names;
 use super::super::joints::physics;
 use crate::effects::Robot;
-use crate::model::Model;
+use crate::model::{Compound, Model, Part};
 use crate::parameters::InertialParameters;
 use crate::spatial::Pose;
 
@@ -58,17 +58,45 @@ pub(super) fn bodies(model: &Model) -> Vec<Body> {
 }
 
 /// Whether a body without mass can vanish into the one that follows: nothing but one joint is fixed to it.
+///
+/// Coordinates of one joint stay together. A ball ends its body: MuJoCo lets no turn follow it there.
 fn merged(model: &Model) -> Vec<bool> {
     let mut run = vec![0; model.nv()];
     for j in 0..model.nv() {
-        let children = model.joints.iter().filter(|c| c.parent == Some(j)).count();
-        let carries_frame = model.loops.iter().any(|l| l.a.body == Some(j) || l.b.body == Some(j));
-        let before = model.joints[j].parent.map_or(0, |p| run[p]);
-        if model.bodies[j] == InertialParameters::default() && children == 1 && !carries_frame && before + 1 < MOST_JOINTS {
+        let joint = &model.joints[j];
+        if let (Part::First(compound), Some(p)) = (joint.part, joint.parent)
+            && run[p] + compound.n() > MOST_JOINTS
+        {
+            run[p] = 0;
+        }
+        let before = joint.parent.map_or(0, |p| run[p]);
+        let can_vanish = match (joint.part, compound(model, j)) {
+            (Part::First(_) | Part::Inner, _) => true,
+            (Part::Last, Some((_, Compound::Spherical | Compound::Free))) => false,
+            _ => model.bodies[j] == InertialParameters::default() && is_bare(model, j) && before + 1 < MOST_JOINTS,
+        };
+        if can_vanish {
             run[j] = before + 1;
         }
     }
     run.iter().map(|&r| r > 0).collect()
+}
+
+/// Whether one joint and no frame of a loop is fixed to a body.
+fn is_bare(model: &Model, body: usize) -> bool {
+    let children = model.joints.iter().filter(|c| c.parent == Some(body)).count();
+    children == 1 && !model.loops.iter().any(|l| l.a.body == Some(body) || l.b.body == Some(body))
+}
+
+/// The joint with several coordinates that coordinate `j` is one of: its first coordinate, and what it is.
+pub(super) fn compound(model: &Model, j: usize) -> Option<(usize, Compound)> {
+    if model.joints[j].is_whole() {
+        return None;
+    }
+    (0..=j).rev().find_map(|first| match model.joints[first].part {
+        Part::First(compound) => Some((first, compound)),
+        _ => None,
+    })
 }
 
 /// Bodies whose nearest kept ancestor is `parent`, last first: a stack gives them back in order.
@@ -105,14 +133,14 @@ fn chain(model: &Model, merged: &[bool], body: usize, place: &[Option<usize>]) -
 /// What is said of bodies without mass that could not vanish.
 pub(super) fn notes(robot: &Robot, bodies: &[Body], tiny: f64) -> Vec<String> {
     let model = &robot.model;
-    let is_bare = |b: &&Body| model.bodies[b.body].mass <= 0.0;
+    let is_massless = |b: &&Body| model.bodies[b.body].mass <= 0.0;
     let line = |b: &Body| {
         let is_leaf = !model.joints.iter().any(|j| j.parent == Some(b.body));
         let rotors = b.joints.iter().all(|j| physics(robot, j.joint).armature > 0.0);
         let warning = if is_leaf && !rotors { "; MuJoCo calls the mass matrix singular unless it is given mass" } else { "" };
         format!("link {:?} has no mass and gets {tiny:e} kg{warning}", b.name)
     };
-    bodies.iter().filter(is_bare).map(line).collect()
+    bodies.iter().filter(is_massless).map(line).collect()
 }
 
 /// Name of the link that gives a body of the model its frame.

@@ -7,14 +7,15 @@
 mod bodies;
 mod closures;
 mod inertia;
+mod joints;
 mod xml;
 
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
-use super::joints::{JointPhysics, left_out, physics};
+use super::joints::left_out;
 use super::{ExportError, Names, home, numbers, printable};
 use crate::effects::Robot;
-use crate::model::{Joint, JointKind, Model};
+use crate::model::Model;
 use crate::spatial::Pose;
 use bodies::{Body, bodies};
 use xml::Xml;
@@ -39,7 +40,9 @@ pub fn mjcf(robot: &Robot) -> Result<Mjcf, ExportError> {
     let bodies = bodies(model);
     let mut notes = bodies::notes(robot, &bodies, inertia::TINY);
     notes.extend(left_out(robot, &[]));
-    notes.extend(model.joints.iter().filter(|j| is_stuck(j)).map(|j| format!("joint {:?}: no travel is stated, none is written", j.name)));
+    notes.extend(
+        model.joints.iter().filter(|j| joints::is_stuck(j)).map(|j| format!("joint {:?}: no travel is stated, none is written", j.name)),
+    );
     if !model.sensors.is_empty() {
         notes.push("sensors are left out".to_string());
     }
@@ -51,7 +54,7 @@ pub fn mjcf(robot: &Robot) -> Result<Mjcf, ExportError> {
     Tree { robot, bodies: &bodies, sites: sites(model, &closures), reach: reach(model) }.write(&mut xml)?;
     closures::write(&mut xml, model, &closures)?;
     drives(&mut xml, model)?;
-    let q: Vec<f64> = bodies.iter().flat_map(|b| b.joints.iter().map(|j| home[j.joint])).collect();
+    let q: Vec<f64> = bodies.iter().flat_map(|b| joints::coordinates(model, b, &home)).collect();
     xml.open("keyframe", &[])?;
     xml.empty("key", &[("name", "home".to_string()), ("qpos", numbers(&q))])?;
     xml.close("keyframe")?;
@@ -135,15 +138,7 @@ impl Tree<'_> {
         let i6 = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].map(|at| m.central[at]);
         let com = numbers(m.com.as_slice());
         xml.empty("inertial", &[("pos", com), ("mass", numbers(&[m.mass])), ("fullinertia", numbers(&i6))])?;
-        for j in &body.joints {
-            let joint = &model.joints[j.joint];
-            let mut attributes = vec![("name", joint.name.clone()), ("type", kind(joint).to_string())];
-            if j.pos != Vector3::zeros() {
-                attributes.push(("pos", numbers(j.pos.as_slice())));
-            }
-            attributes.push(("axis", numbers(j.axis.as_slice())));
-            attributes.extend(range(joint));
-            attributes.extend(resistance(&physics(self.robot, j.joint)));
+        for attributes in joints::attributes(self.robot, body) {
             xml.empty("joint", &attributes)?;
         }
         self.fixed(xml, Some(body.body))?;
@@ -179,35 +174,7 @@ fn placed(pose: &Pose) -> Vec<(&'static str, String)> {
         out.push(("pos", numbers(pose.translation.as_slice())));
     }
     if pose.rotation != Matrix3::identity() {
-        let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(pose.rotation));
-        out.push(("quat", numbers(&[q.w, q.i, q.j, q.k])));
-    }
-    out
-}
-
-fn kind(joint: &Joint) -> &'static str {
-    match joint.kind {
-        JointKind::Revolute => "hinge",
-        JointKind::Prismatic => "slide",
-    }
-}
-
-/// A joint whose stated travel has no length: MuJoCo refuses it.
-fn is_stuck(joint: &Joint) -> bool {
-    joint.limits.lower.is_finite() && joint.limits.upper <= joint.limits.lower
-}
-
-fn range(joint: &Joint) -> Option<(&'static str, String)> {
-    let l = joint.limits;
-    let is_limited = l.lower.is_finite() && l.upper.is_finite() && !is_stuck(joint);
-    is_limited.then(|| ("range", numbers(&[l.lower, l.upper])))
-}
-
-fn resistance(p: &JointPhysics) -> Vec<(&'static str, String)> {
-    let stated = [("armature", p.armature), ("damping", p.viscous), ("frictionloss", p.coulomb), ("stiffness", p.stiffness)];
-    let mut out: Vec<(&str, String)> = stated.into_iter().filter(|(_, x)| x.abs() > 0.0).map(|(key, x)| (key, numbers(&[x]))).collect();
-    if p.stiffness.abs() > 0.0 {
-        out.push(("springref", numbers(&[p.rest()])));
+        out.push(("quat", numbers(&joints::turned(&pose.rotation))));
     }
     out
 }

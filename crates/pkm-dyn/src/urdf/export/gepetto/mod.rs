@@ -5,6 +5,8 @@
 //! that are neither, and do not amount to either in this robot, are closed at the end of massless links on joints that carry the free
 //! motions. What a URDF cannot say stands in the YAML under keys that the toolbox passes over: `armature`, `gravity`, `home`.
 
+mod several;
+
 use nalgebra::{Matrix3, Vector3};
 use urdf_rs::JointType;
 
@@ -51,7 +53,9 @@ pub fn gepetto(description: &Description) -> Result<Gepetto, ExportError> {
     let urdf = changed_urdf(description, &model);
     let taken = urdf.links.iter().map(|l| l.name.as_str()).chain(urdf.joints.iter().map(|j| j.name.as_str()));
     let mut out = Writing { names: Names::new(taken), urdf, home: Vec::new(), pairs: Vec::new(), notes: left_out(robot, &["spring"]) };
-    out.home = (0..model.nv()).map(|j| (model.joints[j].name.clone(), q[j])).collect();
+    let whole = (0..model.nv()).filter(|&j| model.joints[j].is_whole());
+    out.home = whole.map(|j| (model.joints[j].name.clone(), format!("{:?}", q[j]))).collect();
+    out.several(&model, &q);
     out.limits(&model);
     out.couplings(&model)?;
     for index in 0..model.loops.len() {
@@ -75,8 +79,8 @@ fn has_mesh(link: &urdf_rs::Link) -> bool {
 struct Writing {
     names: Names,
     urdf: urdf_rs::Robot,
-    /// Coordinate of every moving joint in the closed assembly `[m | rad]`.
-    home: Vec<(String, f64)>,
+    /// Coordinates of every moving joint in the closed assembly `[m | rad]`, as the YAML has them.
+    home: Vec<(String, String)>,
     /// Frames that coincide, and by which type of constraint.
     pairs: Vec<([String; 2], &'static str)>,
     notes: Vec<String>,
@@ -150,13 +154,11 @@ impl Writing {
         let mut joints = Vec::new();
         for (axis, kind, value) in &loose.joints {
             let word = if *kind == JointType::Prismatic { "slide" } else { "turn" };
-            let link = self.names.fresh(&format!("{name}_{word}_{}", ["x", "y", "z"][*axis]));
-            let joint = self.joint(kind.clone(), [&end, &link], &Pose::identity());
+            let link = self.link(&format!("{name}_{word}_{}", ["x", "y", "z"][*axis]));
+            let joint = self.joint(&format!("{link}_joint"), kind.clone(), [&end, &link], &Pose::identity());
             joint.axis.xyz.0 = Vector3::ith(*axis, 1.0).into();
-            joint.limit =
-                urdf_rs::JointLimit { lower: -UNLIMITED, upper: UNLIMITED, effort: UNLIMITED, velocity: UNLIMITED, ..Default::default() };
             let joint = joint.name.clone();
-            self.home.push((joint.clone(), *value));
+            self.home.push((joint.clone(), format!("{value:?}")));
             joints.push(joint);
             end = link;
         }
@@ -170,27 +172,33 @@ impl Writing {
 
     /// A link fixed to another, by name; the new link's name.
     fn frame(&mut self, wanted: &str, link: &str, pose: &Pose) -> String {
-        let name = self.names.fresh(wanted);
-        self.joint(JointType::Fixed, [link, &name], pose);
+        let name = self.link(wanted);
+        self.joint(&format!("{name}_joint"), JointType::Fixed, [link, &name], pose);
         name
     }
 
-    /// A joint between `ends`, parent and new child.
-    fn joint(&mut self, joint_type: JointType, ends: [&str; 2], pose: &Pose) -> &mut urdf_rs::Joint {
-        let [parent, child] = ends;
-        let link =
-            urdf_rs::Link { name: child.to_string(), inertial: urdf_rs::Inertial::default(), visual: Vec::new(), collision: Vec::new() };
-        self.urdf.links.push(link);
-        let name = self.names.fresh(&format!("{child}_joint"));
+    /// A link without mass, by the name or the nearest free one.
+    fn link(&mut self, wanted: &str) -> String {
+        let name = self.names.fresh(wanted);
+        let inertial = urdf_rs::Inertial::default();
+        self.urdf.links.push(urdf_rs::Link { name: name.clone(), inertial, visual: Vec::new(), collision: Vec::new() });
+        name
+    }
+
+    /// A joint between links that are there, parent and child, by the name or the nearest free one.
+    fn joint(&mut self, wanted: &str, joint_type: JointType, ends: [&str; 2], pose: &Pose) -> &mut urdf_rs::Joint {
+        let name = self.names.fresh(wanted);
+        let [parent, child] = ends.map(|link| urdf_rs::LinkName { link: link.to_string() });
+        let limit = if joint_type == JointType::Fixed { urdf_rs::JointLimit::default() } else { unlimited() };
         let at = self.urdf.joints.len();
         self.urdf.joints.push(urdf_rs::Joint {
             name,
             joint_type,
             origin: origin(pose),
-            parent: urdf_rs::LinkName { link: parent.to_string() },
-            child: urdf_rs::LinkName { link: child.to_string() },
+            parent,
+            child,
             axis: urdf_rs::Axis::default(),
-            limit: urdf_rs::JointLimit::default(),
+            limit,
             calibration: None,
             dynamics: None,
             mimic: None,
@@ -210,14 +218,11 @@ impl Writing {
         if size <= 0.0 || (g - down).amax() <= 1e-15 * size {
             return g;
         }
-        let root = self.names.fresh("upright");
         let pose = Pose { rotation: turning(&(g / size), &-Vector3::z()), translation: Vector3::zeros() };
+        let (root, old) = (self.link("upright"), model.root.clone());
+        self.joint(&format!("{root}_joint"), JointType::Fixed, [&root, &old], &pose);
         // The new root comes first: readers that do not look for it take it for the root.
-        let old = model.root.clone();
-        let link = urdf_rs::Link { name: root.clone(), inertial: urdf_rs::Inertial::default(), visual: Vec::new(), collision: Vec::new() };
-        self.joint(JointType::Fixed, [&root, &old], &pose);
-        self.urdf.links.pop();
-        self.urdf.links.insert(0, link);
+        self.urdf.links.rotate_right(1);
         self.notes.push(format!("the root link {old:?} stands turned in {root:?}, whose z axis points up: a URDF has no gravity"));
         down
     }
@@ -242,10 +247,15 @@ impl Writing {
         let rotors = model.joints.iter().filter(|j| j.armature > 0.0).map(|j| format!("{}: {:?}", quoted(&j.name), j.armature));
         let _ = writeln!(out, "armature: {{{}}}", rotors.collect::<Vec<_>>().join(", "));
         let _ = writeln!(out, "gravity: {}", list(gravity.iter().map(|x| format!("{x:?}")).collect()));
-        let home = self.home.iter().map(|(name, q)| format!("{}: {q:?}", quoted(name))).collect::<Vec<_>>().join(", ");
+        let home = self.home.iter().map(|(name, q)| format!("{}: {q}", quoted(name))).collect::<Vec<_>>().join(", ");
         let _ = writeln!(out, "home: {{{home}}}");
         out
     }
+}
+
+/// What stands for no limits.
+fn unlimited() -> urdf_rs::JointLimit {
+    urdf_rs::JointLimit { lower: -UNLIMITED, upper: UNLIMITED, effort: UNLIMITED, velocity: UNLIMITED, ..Default::default() }
 }
 
 /// Joints that carry what a loop leaves free, and the constraint at their end.
