@@ -118,6 +118,18 @@ def coupled(folder, seed, of):
     return d.load(folder)
 
 
+def of_several_coordinates(folder, seed):
+    """A ball on an arm, a body that flies from the ground, one that flies from it, and one on a plane that lies askew."""
+    d = Drawing(np.random.default_rng(seed))
+    d.add("j0", "revolute", ("base", "l0"), rotor=0.1)
+    d.add("ball", "spherical", ("l0", "head"))
+    d.add("j1", "prismatic", ("head", "l1"), rotor=0.2)
+    d.add("fly", "floating", ("base", "ship"))
+    d.add("drone", "floating", ("ship", "boat"))
+    d.add("table", "planar", ("l0", "plate"))
+    return d.load(folder, gravity=(0.0, -9.0, -1.0))
+
+
 def joined_chains(folder, seed, constrain, n_passive):
     """A driven chain of three joints and a passive one, joined at their ends in space; redrawn until far from a singularity."""
     return drawn_until_sound(folder, seed, lambda d: chains(d, constrain, n_passive, {}))
@@ -134,8 +146,8 @@ def chains(d, constrain, n_passive, how):
         d.add("mount", "fixed", ("base", "frame"), massless=True)
         start = "frame"
     ends = []
-    # Three rotations need three joints that turn.
-    turns_only = bool(how) or constrain == ["rx", "ry", "rz"]
+    # Rotations need joints that turn.
+    turns_only = bool(how) or all(axis.startswith("r") for axis in constrain)
     for letter, n in [("a", 3), ("b", n_passive)]:
         parent = start
         for k in range(n):

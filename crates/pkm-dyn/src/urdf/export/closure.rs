@@ -14,7 +14,7 @@ use crate::model::Model;
 use crate::spatial::{Pose, rotation_about};
 
 /// Half the distance of the two points that make a pin `[m]`.
-pub(super) const PIN_ARM: f64 = 0.05;
+pub(super) const PIN_ARM: f64 = 0.2;
 
 /// Closed poses beside the assembly at which rows must be implied.
 const NEIGHBOURS: usize = 6;
