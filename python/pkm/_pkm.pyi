@@ -242,6 +242,12 @@ class Robot:
     def with_effect(self, name: str, where: str, **parameters: float) -> Robot:
         """The same robot with one more effect of the library at a joint or link; parameters SI."""
 
+    def to_mjcf(self) -> str:
+        """The robot as MJCF, for MuJoCo; its closed assembly is the keyframe `home`. Comments at the head say what is not in it."""
+
+    def to_gepetto(self) -> tuple[str, str]:
+        """The robot for Pinocchio: texts of `robot.urdf` and of `robot.yaml`, the loop file of toolbox-parallel-robots."""
+
 @final
 class Recording:
     """One recording: equally long named signals over one time axis. It never changes; NaN is a missing sample."""

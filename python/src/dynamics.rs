@@ -9,7 +9,7 @@ use pkm_dyn::effects::{Applied, CATALOGUE, Energy, Entry, PlaceKind, Robot as Ph
 use pkm_dyn::jacobian::Reference;
 use pkm_dyn::model::{FrameOnBody, JointKind, Model};
 use pkm_dyn::spatial::Pose;
-use pkm_dyn::urdf::{self, Description, EffectSpec, Places};
+use pkm_dyn::urdf::{self, Description, EffectSpec, Places, export};
 use pkm_dyn::{Data, loops};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -423,6 +423,17 @@ impl Robot {
         description.robot = Physics::new(description.bare.clone(), effects);
         description.spec.effects.push(EffectSpec { name: name.to_string(), places: Places::One(r#where.to_string()), parameters });
         Ok(Self::new(description))
+    }
+
+    /// The robot as MJCF, for MuJoCo; its closed assembly is the keyframe `home`. Comments at the head say what is not in it.
+    fn to_mjcf(&self) -> PyResult<String> {
+        Ok(export::mjcf(&self.description.robot).map_err(|e| error::export(&e))?.xml)
+    }
+
+    /// The robot for Pinocchio as the texts of `robot.urdf` and `robot.yaml`, the loop file of toolbox-parallel-robots.
+    fn to_gepetto(&self) -> PyResult<(String, String)> {
+        let written = export::gepetto(&self.description).map_err(|e| error::export(&e))?;
+        Ok((written.urdf, written.yaml))
     }
 
     fn __repr__(&self) -> String {

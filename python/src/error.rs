@@ -6,6 +6,7 @@ use std::path::Path;
 use pkm_diagnose::InputError;
 use pkm_dyn::effects::EffectError;
 use pkm_dyn::urdf::LoadError;
+use pkm_dyn::urdf::export::ExportError;
 use pkm_record::{ReadError, WriteError};
 use pkm_sim::SimError;
 use pyo3::PyErr;
@@ -57,5 +58,10 @@ pub(crate) fn sim(error: &SimError) -> PyErr {
 
 /// An effect that cannot be put there.
 pub(crate) fn effect(error: &EffectError) -> PyErr {
+    value(error.to_string())
+}
+
+/// A robot that another program cannot have.
+pub(crate) fn export(error: &ExportError) -> PyErr {
     value(error.to_string())
 }

@@ -20,6 +20,8 @@ tau: NDArray[numpy.float64] = robot.rnea(q_tree, v_tree, a_tree)
 wide: NDArray[numpy.float64] = robot.joint_torque_regressor(q_tree, v_tree, a_tree)
 start: NDArray[numpy.float64] = robot.assemble() + robot.armature
 
+exported: str = robot.to_mjcf() + robot.to_gepetto()[0]
+
 truth = robot.with_effect("friction_coulomb", "q1", coulomb=12.0)
 coulomb: float = truth.effects[0]["parameters"]["coulomb"]
 required: bool = pkm.effects()[0]["parameters"][0]["default"] is None

@@ -8,6 +8,7 @@ mod demo;
 mod diagnose;
 mod diagnosis;
 mod effects;
+mod export;
 mod out;
 mod outputs;
 mod progress;
@@ -39,6 +40,7 @@ Look at a robot:
   check       Say what a robot file describes and whether it can be diagnosed
   workspace   Say where a robot can go, what limits it, and how near it is to a singularity
   effects     List the physics that a diagnosis can name
+  export      Write a robot for Pinocchio or MuJoCo
 
 Handle recordings:
   convert     Turn a CSV recording into MCAP, or back
@@ -59,6 +61,7 @@ Examples:
   pkm diagnose robot.toml --recording A.csv --holdout B.csv --json out.json --html out.html
   pkm convert A.csv A.mcap --robot robot.toml
   pkm effects friction_stribeck
+  pkm export prs3 --format mjcf --out prs3.xml
 
 `pkm VERB --help` explains a verb and its flags. Shipped robots can be given by name wherever a ROBOT is asked for.
 ";
@@ -83,6 +86,8 @@ enum Verb {
     Workspace(workspace::Args),
     /// List the physics that a diagnosis can name, or one entry in full.
     Effects(effects::Args),
+    /// Write a robot for Pinocchio or MuJoCo.
+    Export(export::Args),
     /// Turn a CSV recording into MCAP, or back.
     Convert(convert::Args),
     /// Locate, name and size what a robot file leaves out of its recordings.
@@ -104,6 +109,7 @@ fn main() -> ExitCode {
         Verb::Check(args) => check::run(args),
         Verb::Workspace(args) => workspace::run(args),
         Verb::Effects(args) => effects::run(args),
+        Verb::Export(args) => export::run(args),
         Verb::Convert(args) => convert::run(args),
         Verb::Diagnose(args) => diagnose::run(args),
         Verb::TrialNull(args) => trial_null::run(args),

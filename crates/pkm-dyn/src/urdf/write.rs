@@ -10,6 +10,11 @@ use crate::model::Model;
 /// # Errors
 /// The URDF library's reason, should it not be able to write what it has read.
 pub fn refined_urdf(description: &Description, model: &Model) -> Result<String, String> {
+    urdf_rs::write_to_string(&changed_urdf(description, model)).map_err(|e| e.to_string())
+}
+
+/// As [`refined_urdf`], before it is text.
+pub(super) fn changed_urdf(description: &Description, model: &Model) -> urdf_rs::Robot {
     let mut urdf = description.urdf.clone();
     for link in &mut urdf.links {
         let Some(new) = model.link_index(&link.name).map(|l| model.links[l].parameters) else { continue };
@@ -33,7 +38,7 @@ pub fn refined_urdf(description: &Description, model: &Model) -> Result<String, 
             (dynamics.damping, dynamics.friction) = (j.viscous, j.coulomb);
         }
     }
-    urdf_rs::write_to_string(&urdf).map_err(|e| e.to_string())
+    urdf
 }
 
 /// robot.toml naming `urdf` and listing `effects`, with rotor inertias and gravity of `model`.

@@ -2,5 +2,6 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails, outside #[test] functions too")]
 
 mod bad_input;
+mod export;
 mod fixture;
 mod verbs;
