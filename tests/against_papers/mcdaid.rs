@@ -222,7 +222,7 @@ fn inertia_of_the_platform_about_the_ankle_is_the_reference_set() {
 /// `D = (1 + m_a·J·M⁻¹·Jᵀ)⁻¹` shares out what the motors' inertia takes of a force (8.5); it leaves the null force alone.
 #[test]
 fn equations_8_5_to_8_7_hold_for_the_models_mass_matrix() {
-    let m_a = 1958.133_429_442_987_6;
+    let m_a = 1_958.133_429_442_987_6;
     for degrees in [[0.0; 3], TILTED] {
         let model = shipped("ups4");
         let (mut data, _, j) = at(&model, degrees);

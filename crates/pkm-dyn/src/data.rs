@@ -101,7 +101,7 @@ pub struct Data {
 
 impl Data {
     /// Room for every algorithm on `model`. The independent coordinates are its drives; of more drives than there are freedoms, those
-    /// that determine the motion best at the stated assembly.
+    /// that determine the motion best at the stated assembly, whose loops are closed for that.
     #[must_use]
     pub fn new(model: &Model) -> Self {
         Self::with_choice(model, Choice::Drives)
@@ -112,10 +112,8 @@ impl Data {
     pub fn with_choice(model: &Model, choice: Choice) -> Self {
         let mut data = Self::with_independent(model, model.actuators.clone());
         let independent = choose_independent(model, &mut data, choice);
-        if independent != data.independent {
-            data = Self::with_independent(model, independent);
-        }
-        data
+        // Made anew: what the choice left in it is nobody's start.
+        Self::with_independent(model, independent)
     }
 
     fn with_independent(model: &Model, independent: Vec<usize>) -> Self {

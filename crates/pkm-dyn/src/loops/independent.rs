@@ -7,7 +7,11 @@ use nalgebra::DMatrix;
 use crate::data::Data;
 use crate::elimination::RANK_TOLERANCE;
 use crate::loops::gap::loop_gap;
+use crate::loops::solve::assemble;
 use crate::model::Model;
+
+/// A rough assembly counts as closed below this gap `[m | rad]`.
+const CLOSED: f64 = 1e-9;
 
 /// How to choose the independent coordinates of a closed-loop robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,7 +28,7 @@ pub enum Choice {
 
 /// Independent coordinates at the model's stated assembly, as joint indices: drives first and in their order, then others ascending.
 ///
-/// By elimination with complete pivoting; coordinates without a pivot are the independent ones. Poses of the assembly are left in `data`.
+/// By elimination with complete pivoting; coordinates without a pivot are the independent ones. `data` is used for it.
 #[must_use]
 pub fn choose_independent(model: &Model, data: &mut Data, choice: Choice) -> Vec<usize> {
     let drives = &model.actuators;
@@ -32,7 +36,10 @@ pub fn choose_independent(model: &Model, data: &mut Data, choice: Choice) -> Vec
         let others = (0..model.nv()).filter(|j| choice != Choice::Drives && !drives.contains(j));
         return drives.iter().copied().chain(others).collect();
     }
-    loop_gap(model, data, &model.assembly);
+    // Of an open loop the constraints may be of another rank: a linkage that moves only because of its proportions is stiff then.
+    let closure = assemble(model, data);
+    let at = if closure.gap < CLOSED { data.q.clone() } else { model.assembly.clone() };
+    loop_gap(model, data, &at);
     let passive = model.passive();
     let stages = match choice {
         Choice::Drives | Choice::Freedoms => alloc::vec![passive, drives.clone()],
@@ -40,10 +47,11 @@ pub fn choose_independent(model: &Model, data: &mut Data, choice: Choice) -> Vec
     };
     let pivots = pivot_columns(data.loop_jacobian.clone(), &stages);
     let free = |j: &usize| !pivots.contains(j);
-    let driven: Vec<usize> = drives.iter().copied().filter(free).collect();
-    if choice == Choice::Drives && driven.len() == drives.len() {
-        return driven;
+    if choice == Choice::Drives && model.nv() - pivots.len() >= drives.len() {
+        // Also where a drive is no coordinate of its own at this pose, which may be singular: others need not be.
+        return drives.clone();
     }
+    let driven: Vec<usize> = drives.iter().copied().filter(free).collect();
     let others = (0..model.nv()).filter(|j| choice != Choice::Drives && !drives.contains(j) && free(j));
     driven.iter().copied().chain(others).collect()
 }

@@ -74,7 +74,7 @@ fn robots_that_another_program_cannot_have_are_refused() {
     let (base, tool) = ("base", "flange");
     let turn = format!("[[loop]]\nname = \"yoke\"\na = {{ link = \"{base}\" }}\nb = {{ link = \"{tool}\" }}\nconstrain = [\"rz\"]\n");
     fs::write(folder.path().join("arm.toml"), format!("{wrist}\n{turn}")).unwrap();
-    fs::write(folder.path().join(arm.urdf_name), arm.urdf).unwrap();
+    fs::write(folder.path().join("serial_arm.urdf"), arm.urdf).unwrap();
     let onto = ["--out", "for_pinocchio"];
     let parts = ["arm.toml", "loop \"yoke\": rz ", "toolbox-parallel-robots"];
     refused(folder.path(), &[&["export", "arm.toml", "--format", "gepetto"][..], &onto].concat(), &parts);
