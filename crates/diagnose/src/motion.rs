@@ -54,6 +54,9 @@ pub(crate) fn soft_sign(v: f64, width: f64) -> f64 {
 /// Newton's tolerance.
 const OFFSET_STEP: f64 = 1e-5;
 
+/// A series that stays below this share of the largest of its unit is rounding: efforts that matter are nine digits above it.
+const ROUNDING: f64 = 1e-12;
+
 struct Pass<'r> {
     robot: &'r Robot,
     model: Model,
@@ -132,7 +135,22 @@ impl Pass<'_> {
             self.tilt(i);
             self.offsets(i, &q, &v, &a)?;
         }
+        self.clear_rounding();
         Ok(())
+    }
+
+    /// Makes inertial columns that no drive feels the zeros they stand for: brought to unit length, rounding would be a regressor.
+    fn clear_rounding(&mut self) {
+        for unit in [0..1, 1..4, 4..N_INERTIAL] {
+            let of_unit = |column: usize| unit.contains(&(column % N_INERTIAL));
+            let columns = self.out.link_columns.iter_mut().enumerate().filter(|(c, _)| of_unit(*c));
+            let mut series: Vec<&mut Vec<f64>> = columns.flat_map(|(_, drives)| drives.iter_mut()).collect();
+            let size = |x: &[f64]| x.iter().fold(0.0_f64, |top, x| top.max(x.abs()));
+            let largest = series.iter().map(|x| size(x)).fold(0.0, f64::max);
+            for x in series.iter_mut().filter(|x| size(x) < ROUNDING * largest) {
+                x.fill(0.0);
+            }
+        }
     }
 
     fn check(&mut self, closure: &loops::Closure, i: usize) -> Result<(), InputError> {
