@@ -1,7 +1,7 @@
 //! The four papers the robots come from: every table and equation that says something about mechanics, as numbers.
 //!
 //! One module per paper; a test is named by equation or table. Numbers with more digits than a paper prints were computed from its
-//! equations by a script beside them (golden/papers), or from a second formula that stands in the test. Where a paper misprints, a comment
+//! equations by programs that share no code with this workspace; where it is short, a second formula stands in the test. Where a paper misprints, a comment
 //! that begins with DIFFERENCE says what is printed and how one sees that it is wrong.
 //!
 //! Not in here: control, identification from data, recordings (`recorded_robots.rs`).

@@ -6,8 +6,10 @@ extern crate alloc;
 use alloc::collections::BTreeMap;
 use std::path::PathBuf;
 
+use nalgebra::{Matrix3, Vector3};
 use pkm_dyn::inverse_dynamics::{closed_loop_motion, inverse_dynamics};
 use pkm_dyn::loops::{assemble, mobility, reduction, solve_positions, walk_to};
+use pkm_dyn::spatial::Pose;
 use pkm_dyn::{Data, Model, math};
 use pkm_tests::read_csv;
 
@@ -21,6 +23,12 @@ fn robot(name: &str) -> Option<(Model, PathBuf)> {
     let folder = data_folder()?.join(name);
     let model = pkm_dyn::urdf::load(&folder.join("robot.toml")).expect("the robot reads").bare;
     Some((model, folder))
+}
+
+/// A shipped robot, to be compared with the machine it was made after.
+fn shipped(name: &str) -> Model {
+    let robot = pkm_robots::find(name).expect("a shipped robot");
+    pkm_dyn::urdf::parse(robot.toml, robot.urdf, [robot.toml_name, robot.urdf_name]).expect("a shipped robot reads").bare
 }
 
 type Table = BTreeMap<String, Vec<f64>>;
@@ -82,34 +90,45 @@ fn chain_at(home: &[f64; 4], hinge: f64, pose: [f64; 4]) -> [f64; 4] {
     [q41, math::hypot(pose[0] - hinge, pose[1]), pose[2] - home[2] + q41, pose[3] - home[3]]
 }
 
-#[test]
-fn recorded_poses_give_the_recorded_lengths_and_the_controllers_gravity_term() {
-    let Some((model, folder)) = robot("upv_3ups_rpu") else { return println!("{NOT_RUN}") };
-    let table = read_csv(&folder.join("ident_a.csv"));
-    let inverse = driven_by_the_platform(&model);
-    let mut data = Data::new(&inverse);
-    let mut forward = Data::new(&model);
+/// Largest differences along a recording of lengths `[m]` and of gravity forces `[N]` from what `model` has at the recorded poses, and
+/// the number of legs compared. `start` is q42 at the pose where the model's angles read zero.
+fn lengths_and_weight(model: &Model, table: &Table, start: f64) -> (f64, f64, usize) {
+    let inverse = driven_by_the_platform(model);
+    let (mut data, mut forward) = (Data::new(&inverse), Data::new(model));
     let hinge = model.joints[model.joint_index("q41").expect("q41")].placement.translation.x;
-    let start = [0.0, math::hypot(0.02 - hinge, 0.64), 0.0, 0.0];
-    assert!(solve_positions(&inverse, &mut data, &start).is_closed);
+    data.q.copy_from_slice(&model.assembly);
+    assert!(solve_positions(&inverse, &mut data, &[0.0, start, 0.0, 0.0]).is_closed);
     let home = platform_pose(&inverse, &data);
     let (zero, mut worst, mut weight, mut compared) = ([0.0; 4], 0.0_f64, 0.0_f64, 0);
-    for row in (0..rows(&table)).filter(|&row| !table["tau_grav_model.q13"][row].is_nan()) {
-        let pose = POSE.map(|name| table[name][row]);
-        assert!(solve_positions(&inverse, &mut data, &chain_at(&home, hinge, pose)).is_closed, "row {row}");
+    for row in (0..rows(table)).filter(|&row| !table["tau_grav_model.q13"][row].is_nan()) {
+        let chain = chain_at(&home, hinge, POSE.map(|name| table[name][row]));
+        let closure = if compared == 0 { walk_to(&inverse, &mut data, &chain) } else { solve_positions(&inverse, &mut data, &chain) };
+        assert!(closure.is_closed, "row {row}: {closure:?}");
         let lengths: Vec<f64> = model.actuators.iter().map(|&j| data.q[j]).collect();
-        for (got, want) in lengths.iter().zip(drives_at(&model, &table, row)) {
+        for (got, want) in lengths.iter().zip(drives_at(model, table, row)) {
             worst = worst.max((got - want).abs());
         }
         forward.q.copy_from_slice(&data.q);
-        assert!(inverse_dynamics(&model, &mut forward, &lengths, &zero, &zero).is_closed);
+        assert!(inverse_dynamics(model, &mut forward, &lengths, &zero, &zero).is_closed);
         for (k, &j) in model.actuators.iter().enumerate() {
             weight = weight.max((forward.tau_act[k] - table[&format!("tau_grav_model.{}", model.joints[j].name)][row]).abs());
             compared += 1;
         }
     }
-    println!("{compared} legs: lengths differ by at most {worst:.2e} m, gravity forces by {weight:.2e} N");
-    assert!(compared > 30_000 && worst < 1.1e-6 && weight < 8.5e-4, "{compared}: {worst} m, {weight} N");
+    (worst, weight, compared)
+}
+
+#[test]
+fn recorded_poses_give_the_recorded_lengths_and_the_controllers_gravity_term() {
+    let Some((recorded, folder)) = robot("upv_3ups_rpu") else { return println!("{NOT_RUN}") };
+    let table = read_csv(&folder.join("ident_a.csv"));
+    // The robot beside the recordings has its zero at X = 0.02, Z = 0.64 m, the shipped one at 0.05 and 0.70 m; leg 4's hinge is at 0.15 m.
+    for (model, start) in [(recorded, math::hypot(0.02 - 0.15, 0.64)), (shipped("ups3_rpu1"), math::hypot(0.05 - 0.15, 0.70))] {
+        let (worst, weight, compared) = lengths_and_weight(&model, &table, start);
+        println!("{}: {compared} legs: lengths differ by at most {worst:.2e} m, gravity forces by {weight:.2e} N", model.name);
+        // Poses and lengths are printed to a micrometre; forces to a millinewton.
+        assert!(compared > 30_000 && worst < 1.1e-6 && weight < 1e-3, "{}: {compared}: {worst} m, {weight} N", model.name);
+    }
 }
 
 #[test]
@@ -205,4 +224,67 @@ fn slider_heights_close_to_the_recorded_leg_angles() {
     }
     println!("{compared} leg angles, largest difference {worst:.1e} rad");
     assert!(compared > 10_000 && worst < 1e-5, "{compared} compared, {worst} rad");
+}
+
+/// Lengths of the recorded 3-PRS [README of the data]: slider to centre, coupler, sphere to sphere.
+const PRS: [f64; 3] = [0.384_516, 0.513_997, 0.516_003];
+
+/// Sphere of a leg for its slider height and its absolute angle [Valera2017, Figure 2].
+fn sphere(leg: usize, s: f64, t: f64) -> Vector3<f64> {
+    let (sa, ca) = math::sin_cos(leg as f64 * 2.0 * core::f64::consts::PI / 3.0);
+    let out = PRS[0] - PRS[1] * math::cos(t);
+    Vector3::new(out * ca, out * sa, s + PRS[1] * math::sin(t))
+}
+
+/// Platform orientation as the recording's software has it: its first axis is parallel to the side of the base between legs 1 and 2, not
+/// to the hinge of leg 1, which only its own files need.
+fn recorded_orientation(q2: f64, q3: f64, q4: f64, q5: f64) -> Matrix3<f64> {
+    let about = |axis: usize, degrees: f64| {
+        let mut rpy = [0.0; 3];
+        rpy[axis] = degrees.to_radians();
+        Pose::from_xyz_rpy([0.0; 3], rpy).rotation
+    };
+    let z = |angle: f64| Pose::from_xyz_rpy([0.0; 3], [0.0, 0.0, angle]).rotation;
+    let to_hinge = about(2, 60.0) * about(0, -90.0) * z(q2 + q3) * about(2, 30.0);
+    to_hinge * about(0, -90.0) * z(q4) * about(0, -90.0) * z(q5)
+}
+
+/// Spheres 2 and 3 in the recording's platform frame.
+fn recorded_corners() -> [Vector3<f64>; 2] {
+    [180.0_f64, 240.0].map(|degrees| {
+        let (s, c) = math::sin_cos(degrees.to_radians());
+        Vector3::new(PRS[2] * c, PRS[2] * s, 0.0)
+    })
+}
+
+#[test]
+fn nine_recorded_coordinates_of_the_3prs_satisfy_its_constraints() {
+    let Some((_, folder)) = robot("upv_3prs") else { return println!("{NOT_RUN}") };
+    let model = shipped("prs3");
+    let mut data = Data::new(&model);
+    let table = read_csv(&folder.join("tilt_a.csv"));
+    assert!(assemble(&model, &mut data).is_closed && walk_to(&model, &mut data, &drives_at(&model, &table, 0)).is_closed);
+    let (mut open, mut apart) = (Vec::new(), 0.0_f64);
+    for row in (0..rows(&table)).filter(|&row| !table["pose_model.q1"][row].is_nan()) {
+        let q = |name: &str| table[&format!("pose_model.{name}")][row];
+        let other = |name: &str| table[&format!("pose_model_other_convention.{name}")][row];
+        let legs = [("q1", "q2"), ("q6", "q7"), ("q8", "q9")];
+        let p: [Vector3<f64>; 3] = core::array::from_fn(|leg| sphere(leg, q(legs[leg].0), q(legs[leg].1)));
+        let turn = recorded_orientation(q("q2"), other("q3"), other("q4"), other("q5"));
+        // The constraints of equation (1): from sphere 1 over the platform to the others.
+        let gaps = recorded_corners().into_iter().zip(&p[1..]).map(|(corner, end)| (p[0] + turn * corner - end).amax());
+        open.push(gaps.fold(0.0, f64::max));
+        // The shipped robot at the same slider heights has its spheres in the same places.
+        assert!(solve_positions(&model, &mut data, &[q("q1"), q("q6"), q("q8")]).is_closed, "row {row}");
+        let platform = &model.links[model.link_index("platform").expect("platform")];
+        let pose = data.pose_wb[platform.body.expect("it moves")].compose(&platform.pose);
+        for (l, end) in model.loops.iter().zip(&p[1..]) {
+            apart = apart.max((pose.transform_point(&l.a.pose.translation) - end).amax());
+        }
+    }
+    open.sort_by(f64::total_cmp);
+    let (share, last) = (open[open.len() * 9 / 10], open[open.len() - 1]);
+    println!("{} rows: constraints open by {share:.1e} m (90 %), {last:.1e} m (all); shipped robot {apart:.1e} m away", open.len());
+    // The file prints angles to 1e-5 rad: five of them, half a digit each, at half a metre, may add up to 1.3e-5 m.
+    assert!(open.len() > 5000 && share < 5e-6 && last < 1.3e-5 && apart < 5e-6, "{share} m, {last} m, {apart} m");
 }

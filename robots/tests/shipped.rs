@@ -49,3 +49,13 @@ fn every_drive_has_friction_and_finite_limits_that_contain_home() {
         }
     }
 }
+
+#[test]
+fn lengths_left_out_of_the_assembly_do_not_cost_a_drive() {
+    let mut model = bare("ups3_rpu1");
+    model.assembly.fill(0.0);
+    let mut data = Data::new(&model);
+    assert_eq!(data.independent, model.actuators);
+    let closure = assemble(&model, &mut data);
+    assert!(closure.is_closed, "{closure:?}");
+}
