@@ -8,7 +8,9 @@ use pkm_dyn::configuration::integrate;
 use pkm_dyn::constrained::{Stabilisation, forward_dynamics, project, reduced_mass_matrix, stabilised_forward_dynamics};
 use pkm_dyn::crba::crba;
 use pkm_dyn::energy::{center_of_mass, kinetic_energy, potential_energy};
-use pkm_dyn::inverse_dynamics::{closed_loop_motion, friction_regressor, inverse_dynamics, loop_efforts, project_efforts};
+use pkm_dyn::inverse_dynamics::{
+    closed_loop_motion, friction_regressor, inverse_dynamics, inverse_dynamics_at, loop_efforts, project_efforts,
+};
 use pkm_dyn::jacobian::{Reference, frame_jacobian, frame_jacobian_time_variation, jacobian_center_of_mass, joint_jacobians, motion_of};
 use pkm_dyn::kinematics::{forward_kinematics, frame_acceleration, frame_pose, frame_velocity, world_accelerations, world_velocities};
 use pkm_dyn::loops::{Choice, assemble, distribute, drive_jacobian, internal_efforts, joint_wrenches, loop_drift, loop_gap, loop_wrench};
@@ -203,6 +205,26 @@ proptest! {
         prop_assert!(closure.is_closed, "{closure:?}");
         prop_assert!(relative_error(&data.a, &a, 1.0) < 1e-8, "{:?}, not {a:?}", data.a);
         prop_assert!(relative_error(&data.lambda, &lambda, 1.0) < 1e-7, "{:?}, not {lambda:?}", data.lambda);
+    }
+
+    #[test]
+    fn efforts_of_a_known_motion_are_those_of_the_drives_motion((mut model, _, mut data, _) in moving_loops()) {
+        for _ in 0..2 {
+            let (q, v, a) = (data.q.clone(), data.v.clone(), data.a.clone());
+            let (tau, lambda) = (data.tau_ind.clone(), loop_efforts(&model, &mut data).to_vec());
+            let mut known = Data::new(&model);
+            prop_assert!(inverse_dynamics_at(&model, &mut known, &q, &v, &a).is_closed);
+            prop_assert!(relative_error(&known.tau_ind, &tau, 1.0) < 1e-8, "{:?}, not {tau:?}", known.tau_ind);
+            prop_assert!(relative_error(loop_efforts(&model, &mut known), &lambda, 1.0) < 1e-7);
+            // Once more with a drive too many, where the efforts are shared.
+            let Some(&first) = model.passive().first() else { return Ok(()) };
+            let passive = model.joints[first].name.clone();
+            model.add_actuator(&passive, 0.0).expect("it is passive");
+            data = Data::new(&model);
+            let at = |x: &[f64]| -> Vec<f64> { model.actuators.iter().map(|&j| x[j]).collect() };
+            data.q.copy_from_slice(&q);
+            prop_assume!(inverse_dynamics(&model, &mut data, &at(&q), &at(&v), &at(&a)).is_closed);
+        }
     }
 
     #[test]

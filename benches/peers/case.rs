@@ -91,6 +91,7 @@ impl Case {
     /// The robot as numbers, in the order peer.cpp reads them; bodies count from 1, the root is 0.
     fn text(&self) -> String {
         let m = &self.model;
+        let independent = Data::new(m).independent;
         let mut out = String::new();
         line(&mut out, m.gravity.as_slice());
         let _ = writeln!(out, "{}", m.nv());
@@ -103,7 +104,8 @@ impl Case {
             line(&mut out, joint.axis.as_slice());
             pose(&mut out, &joint.placement);
             line(&mut out, m.bodies[i].to_vector().as_slice());
-            line(&mut out, &[joint.armature, f64::from(u8::from(m.actuators.contains(&i)))]);
+            // Of more drives than freedoms, those the others follow: the other side has no notion of the rest.
+            line(&mut out, &[joint.armature, f64::from(u8::from(independent.contains(&i)))]);
         }
         let loops = if self.has_ball_loops() { m.loops.as_slice() } else { &[] };
         let _ = writeln!(out, "{}", loops.len());

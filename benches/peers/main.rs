@@ -51,7 +51,7 @@ fn options() -> Result<Options, String> {
 }
 
 fn cases() -> Vec<Case> {
-    ["serial_arm", "prs3", "ups3_rpu1"].iter().map(|name| Case::new(name, shipped(name).bare)).collect()
+    ["serial_arm", "serial_arm7", "prs3", "ups3_rpu1", "ups4"].iter().map(|name| Case::new(name, shipped(name).bare)).collect()
 }
 
 /// Largest relative difference over the states.

@@ -114,21 +114,21 @@ pub(crate) const ALGORITHMS: &[Algorithm] = &[
         call: |c, d, s| {
             let _ = black_box(inverse_dynamics_at(&c.model, d, &s.q, &s.v, &s.a));
         },
-        result: |_, d, out| out.extend(&d.tau_act),
+        result: |_, d, out| out.extend(&d.tau_ind),
     },
     Algorithm {
         name: "inverse_dynamics, following at 1 kHz",
         theirs: &["step_1ms"],
         is_closed_loop: true,
         call: |c, d, s| step(c, d, s, 0),
-        result: |_, d, out| out.extend(&d.tau_act),
+        result: |_, d, out| out.extend(&d.tau_ind),
     },
     Algorithm {
         name: "inverse_dynamics, from a pose 10 ms before",
         theirs: &["step_10ms"],
         is_closed_loop: true,
         call: |c, d, s| step(c, d, s, 1),
-        result: |_, d, out| out.extend(&d.tau_act),
+        result: |_, d, out| out.extend(&d.tau_ind),
     },
 ];
 
