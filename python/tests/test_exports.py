@@ -64,8 +64,8 @@ def assert_same(ours, theirs):
 def closed_poses(robot, n=3):
     """Coordinates that close the loops, and the motions that keep them closed: the assembly first."""
     yield reduction(robot, np.zeros(robot.n_act))
-    # Of more drives than freedoms the lengths contradict each other: a small step keeps the pose within reach.
-    size = 0.03 if len(robot.independent) == robot.n_act else 0.003
+    # With more drives than freedoms most lengths at random are those of no pose: only near the assembly is one within reach.
+    size = 0.03 if len(robot.independent) == robot.n_act else 5e-4
     for step in RNG.uniform(-size, size, (n, robot.n_act)):
         yield reduction(robot, step)
 
