@@ -1,4 +1,4 @@
-//! Numbers of Pinocchio (golden/pinocchio, made by `make_golden.py` there), element by element.
+//! Numbers of Pinocchio (golden/pinocchio, made by `make_golden.py` and its neighbours there), element by element.
 //!
 //! Not in here: robots of the papers, recorded data.
 

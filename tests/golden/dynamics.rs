@@ -2,7 +2,7 @@
 //!
 //! Not in here: loops.
 
-use nalgebra::Matrix3xX;
+use nalgebra::{Matrix3xX, Vector3};
 use pkm_dyn::aba::aba;
 use pkm_dyn::configuration::{difference, integrate};
 use pkm_dyn::crba::crba;
@@ -10,20 +10,20 @@ use pkm_dyn::energy::{center_of_mass, kinetic_energy, potential_energy};
 use pkm_dyn::jacobian::{
     Reference, frame_jacobian, frame_jacobian_time_variation, jacobian_center_of_mass, joint_jacobians, motion_of,
 };
-use pkm_dyn::kinematics::forward_kinematics;
+use pkm_dyn::kinematics::{forward_kinematics, frame_acceleration, frame_velocity, world_accelerations};
 use pkm_dyn::regressor::{joint_torque_regressor, kinetic_energy_regressor, potential_energy_regressor};
 use pkm_dyn::rnea::{generalized_gravity, nle, rnea};
-use pkm_dyn::spatial::Pose;
+use pkm_dyn::spatial::{Motion, Pose};
 use pkm_dyn::{Data, Model};
 use pkm_tests::relative_error;
 use serde::Deserialize;
 
 use super::{Golden, indices, ours, robot, theirs};
 
-/// Relative to the largest entry of the table compared.
+/// Relative to the largest entry of the table compared: ten times the largest seen (5e-15), and more.
 const USUAL: f64 = 1e-13;
-/// Accelerations for given efforts are divided by the smallest inertia of a joint: the digits that costs.
-const ACCELERATIONS: f64 = 1e-11;
+/// Accelerations for given efforts are divided by the smallest inertia of a joint: the digits that costs. The largest seen is 3e-14.
+const ACCELERATIONS: f64 = 1e-12;
 
 #[derive(Deserialize)]
 struct State {
@@ -52,6 +52,8 @@ struct State {
     variation_world: Vec<Vec<f64>>,
     variation_local: Vec<Vec<f64>>,
     variation_aligned: Vec<Vec<f64>>,
+    velocity: Vec<f64>,
+    acceleration: Vec<f64>,
     difference: Vec<f64>,
     moved: Vec<Vec<f64>>,
 }
@@ -78,7 +80,6 @@ impl Tree {
 
 fn assert_within(limit: f64, what: &str, got: &[f64], want: &[f64]) {
     let error = relative_error(got, want, 1e-9);
-    println!("ERR {what} {error:.1e}");
     assert!(error <= limit, "{what}: relative difference {error:.1e} (limit {limit:.0e})");
 }
 
@@ -141,6 +142,10 @@ fn check_jacobians(tree: &Tree, data: &mut Data, state: &State) {
         let j = frame_jacobian_time_variation(model, data, &frame, reference);
         assert_close(&format!("time variation {reference:?}"), &tree.rows(6, |i, k| j[(i, k)]), &variation.concat());
     }
+    let six = |m: Motion| [m.linear.x, m.linear.y, m.linear.z, m.angular.x, m.angular.y, m.angular.z];
+    assert_close("velocity of a frame", &six(frame_velocity(data, &frame)), &state.velocity);
+    world_accelerations(model, data, &ours(order, &state.a), &Vector3::zeros());
+    assert_close("acceleration of a frame", &six(frame_acceleration(data, &frame)), &state.acceleration);
 }
 
 fn check_configuration(tree: &Tree, data: &mut Data, state: &State) {

@@ -2,7 +2,9 @@
 
 Run here with `pip install pin numpy`: `python make_dynamics.py`. Rotor inertia is Pinocchio's `armature`: in its mass matrix, inverse and
 forward dynamics. Of its kinetic energy the files hold that of the bodies: Pinocchio 4.1.0 adds the rotors' too, except those of
-JointModelRevoluteUnaligned, which does not store its velocity. The total is compared with its mass matrix.
+JointModelRevoluteUnaligned, which does not store its velocity. The total is compared with its mass matrix. Time variations of Jacobians
+are those of universal joints written as two revolute ones: Pinocchio's JointModelUniversal moves both axes with the child, finite
+differences of its own Jacobian say otherwise.
 """
 import numpy as np
 import pinocchio as pin
@@ -25,7 +27,21 @@ def kinetic_energy_of_bodies(model, data, q, v):
     return bodies
 
 
-def state(tree, frame):
+def time_variations(tree, in_series, q, v, link):
+    out = {}
+    for name, reference in FRAMES.items():
+        both = []
+        for m, d in ((tree.model, tree.data), (in_series.model, in_series.data)):
+            pin.computeJointJacobiansTimeVariation(m, d, q, v)
+            pin.updateFramePlacements(m, d)
+            both.append(pin.getFrameJacobianTimeVariation(m, d, m.getFrameId(link), reference).copy())
+        differs = np.abs(both[0] - both[1]).max(axis=0) > 1e-12
+        assert [c for c, is_other in zip(tree.coordinates, differs) if is_other] == list(tree.universal), "as the top of this file says"
+        out[f"variation_{name}"] = both[1]
+    return out
+
+
+def state(tree, in_series, link):
     m, d, rng = tree.model, tree.data, base.RNG
     x, to = rng.uniform(-1.2, 1.2, m.nv), rng.uniform(-1.2, 1.2, m.nv)
     v, a, effort, step = (rng.uniform(-s, s, m.nv) for s in (3.0, 10.0, 20.0, 0.8))
@@ -43,13 +59,14 @@ def state(tree, frame):
     out["torque_regressor"] = pin.computeJointTorqueRegressor(m, d, q, v, a).copy()
     out["kinetic_regressor"] = pin.computeKineticEnergyRegressor(m, d, q, v).copy().ravel()
     out["potential_regressor"] = pin.computePotentialEnergyRegressor(m, d, q).copy().ravel()
-    pin.forwardKinematics(m, d, q, v)
     out["joint_jacobians"] = pin.computeJointJacobians(m, d, q).copy()
-    pin.computeJointJacobiansTimeVariation(m, d, q, v)
     pin.updateFramePlacements(m, d)
-    for name, reference in FRAMES.items():
-        out[f"jacobian_{name}"] = pin.getFrameJacobian(m, d, frame, reference).copy()
-        out[f"variation_{name}"] = pin.getFrameJacobianTimeVariation(m, d, frame, reference).copy()
+    out |= {f"jacobian_{name}": pin.getFrameJacobian(m, d, m.getFrameId(link), reference).copy() for name, reference in FRAMES.items()}
+    out |= time_variations(tree, in_series, q, v, link)
+    pin.forwardKinematics(m, d, q, v, a)
+    pin.updateFramePlacements(m, d)
+    motion = (pin.getFrameVelocity, pin.getFrameClassicalAcceleration)
+    out["velocity"], out["acceleration"] = (f(m, d, m.getFrameId(link), pin.LOCAL_WORLD_ALIGNED).vector.copy() for f in motion)
     out["difference"] = pin.difference(m, q, tree.q(to))
     pin.forwardKinematics(m, d, pin.integrate(m, q, step))
     out["moved"] = [np.append(pose.rotation.ravel(), pose.translation) for pose in list(d.oMi)[1:]]
@@ -62,7 +79,7 @@ def golden(name, joints, gravity, last, armature, count, massless=(), universal=
     tree.set_armature(armature)
     toml = f'name = "{name}"\nurdf = "{name}.urdf"\ngravity = {list(gravity)}\n'
     toml += "".join(f'[[actuator]]\njoint = "{c}"\nrotor_inertia = {rotor!r}\n' for c, rotor in armature.items())
-    states = [state(tree, tree.model.getFrameId(last)) for _ in range(count)]
+    states = [state(tree, Tree(text, gravity), last) for _ in range(count)]
     save(f"{name}_dynamics", {"toml": toml, "urdf": text, "joints": tree.coordinates, "bodies": tree.bodies, "last_link": last, "states": states})
     return text
 

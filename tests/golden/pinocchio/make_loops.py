@@ -1,7 +1,7 @@
 """Writes *_forward.json of tests/golden/loops.rs: Pinocchio's forward dynamics of closed-loop robots, `pin.constraintDynamics`.
 
 Run here with `pip install pin numpy`, after make_golden.py: `python make_loops.py`. Four robots are those of make_golden.py at the same
-states, two are drawn here. Efforts act on every joint of the tree. How Pinocchio states each loop: `x y z` is a CONTACT_3D, all six a
+states, three are drawn here. Efforts act on every joint of the tree. How Pinocchio states each loop: `x y z` is a CONTACT_3D, all six a
 CONTACT_6D, a pin is two CONTACT_3D on its axis, on both sides of its centre. Signs: Pinocchio's force acts on its first joint, link a;
 pkm-dyn's on link b, `M·a + nle = tau + J'·lambda`, in a's axes about b's origin.
 """
@@ -100,6 +100,20 @@ class Mechanism:
         assert s[rank - 1] > 0.1, "near a singular pose"
         return vt[rank:].T
 
+    def reactions(self, q, v, a, tau, wrenches):
+        """Wrench each joint of the tree transmits to its body, at the root's origin in the root's axes, loops closed."""
+        m, d = self.model, self.data
+        loads = [pin.Force.Zero() for _ in range(m.njoints)]
+        for loop, wrench in zip(self.loops, wrenches):
+            at = pin.SE3(d.oMf[loop.ends[0]].rotation, d.oMf[loop.ends[1]].translation)
+            for end, sign in zip(loop.ends, (-1.0, 1.0)):
+                joint = m.frames[end].parentJoint
+                loads[joint] += d.oMi[joint].actInv(at.act(pin.Force(sign * wrench)))
+        forces = pin.StdVec_Force()
+        forces.extend(loads)
+        assert np.abs(pin.rnea(m, d, q, v, a, forces) - tau).max() < 1e-12 * np.abs(tau).max()
+        return [d.oMi[k].act(d.f[k]).vector.copy() for k in range(1, m.njoints)]
+
     def state(self, x, v=None):
         m, d = self.model, self.data
         q = self.tree.q(x)
@@ -123,12 +137,13 @@ class Mechanism:
             at += len(loop.contacts)
             wrenches.append(wrench)
             efforts.append(loop.efforts(d, wrench))
+        reactions = self.reactions(q, v, a, tau, wrenches)
         tree = pin.rnea(m, d, q, v, a).copy()
         mass = mass_matrix(m, d, q)
         # Pinocchio's forces, brought to the rows of the loops, must keep the equation of motion: signs, frames, redundant rows.
         carried = jacobian.T @ np.concatenate([w[loop.rows] for loop, w in zip(self.loops, wrenches)])
         assert np.abs(tree - tau - carried).max() < 1e-13 * np.abs(tree).max()
-        return {"q": x, "v": v, "tau": tau, "a": a, "tree": tree, "lambda": np.concatenate(efforts), "wrench": wrenches,
+        return {"q": x, "v": v, "tau": tau, "a": a, "tree": tree, "lambda": np.concatenate(efforts), "wrench": wrenches, "reaction": reactions,
                 "freedoms": free, "mass": free.T @ mass @ free}
 
 
@@ -138,7 +153,7 @@ def forward_of(name, **how):
     robot = Mechanism(golden["urdf"], golden["toml"], **how)
     order = [golden["joints"].index(c) for c in robot.tree.coordinates]
     states = [robot.state(np.array(s["q"])[order], np.array(s["v"])[order]) for s in golden["states"][:6]]
-    save(f"{name}_forward", {"toml": golden["toml"], "urdf": golden["urdf"], "joints": robot.tree.coordinates, "states": states})
+    save(f"{name}_forward", {"toml": golden["toml"], "urdf": golden["urdf"], "joints": robot.tree.coordinates, "bodies": robot.tree.bodies, "states": states})
 
 
 def forward_drawn(name, joints, closures, drives, spread):
@@ -161,7 +176,7 @@ def forward_drawn(name, joints, closures, drives, spread):
     for _ in range(6):
         near = robot.tree.q(home + base.RNG.uniform(-spread, spread, len(home)))
         states.append(robot.state(robot.tree.x(robot.close(near))))
-    save(f"{name}_forward", {"toml": toml, "urdf": text, "joints": robot.tree.coordinates, "states": states})
+    save(f"{name}_forward", {"toml": toml, "urdf": text, "joints": robot.tree.coordinates, "bodies": robot.tree.bodies, "states": states})
 
 
 def chain(prefix, root, kinds, end=None):
@@ -183,6 +198,17 @@ def three_loops():
                   ["aj0", "bj0"], 0.06)
 
 
+def flying():
+    """A platform that flies, held by three legs that end in balls; one leg stands on a table that slides and turns."""
+    restart(6)
+    joints = chain("a", "base", ["floating"], "platform") + [(*drawn("table", "planar", "base", "c0")[:6], (0, 0, 1))]
+    joints += chain("b", "base", ["revolute", "revolute", "prismatic"]) + [drawn("cj1", "revolute", "c0", "c1")]
+    joints += chain("d", "platform", ["revolute", "prismatic"])
+    ball = ["x", "y", "z"]
+    forward_drawn("flying", joints, [("ball_b", "platform", "b2", ball), ("ball_c", "c1", "platform", ball), ("ball_d", "base", "d1", ball)],
+                  ["bj0", "bj1"], 0.06)
+
+
 def weld():
     """Two chains, one with a ball, grown together: all six motions are forbidden, two freedoms are left without a drive."""
     restart(5)
@@ -196,4 +222,5 @@ if __name__ == "__main__":
     # In a plane one point says all; of a second, Pinocchio would share the force out to seven digits only.
     forward_of("five_bar", pin_points=(0.0,))
     three_loops()
+    flying()
     weld()

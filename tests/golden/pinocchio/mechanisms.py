@@ -51,7 +51,7 @@ class Tree:
         self.model = pin.Model()
         self.model.gravity.linear = np.array(gravity, float)
         self.coordinates, self.bodies = [], []
-        self.add_children("base", 0, pin.SE3.Identity())
+        self.end("base", 0, pin.SE3.Identity())
         assert len(self.coordinates) == self.model.nv
         self.data = self.model.createData()
 
