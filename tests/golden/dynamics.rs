@@ -7,9 +7,7 @@ use pkm_dyn::aba::aba;
 use pkm_dyn::configuration::{difference, integrate};
 use pkm_dyn::crba::crba;
 use pkm_dyn::energy::{center_of_mass, kinetic_energy, potential_energy};
-use pkm_dyn::jacobian::{
-    Reference, frame_jacobian, frame_jacobian_time_variation, jacobian_center_of_mass, joint_jacobians, motion_of,
-};
+use pkm_dyn::jacobian::{Reference, frame_jacobian, frame_jacobian_time_variation, jacobian_center_of_mass, joint_jacobians, motion_of};
 use pkm_dyn::kinematics::{forward_kinematics, frame_acceleration, frame_velocity, world_accelerations};
 use pkm_dyn::regressor::{joint_torque_regressor, kinetic_energy_regressor, potential_energy_regressor};
 use pkm_dyn::rnea::{generalized_gravity, nle, rnea};

@@ -162,3 +162,8 @@ fn a_flying_platform_and_a_sliding_table_in_loops_move_as_pinocchio_says() {
 fn a_welded_loop_moves_as_pinocchio_says() {
     check(include_str!("pinocchio/weld_forward.json"));
 }
+
+#[test]
+fn a_loop_that_slides_and_turns_moves_as_pinocchio_says() {
+    check(include_str!("pinocchio/cylinder_forward.json"));
+}

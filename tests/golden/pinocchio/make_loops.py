@@ -1,7 +1,7 @@
 """Writes *_forward.json of tests/golden/loops.rs: Pinocchio's forward dynamics of closed-loop robots, `pin.constraintDynamics`.
 
 Run here with `pip install pin numpy`, after make_golden.py: `python make_loops.py`. Four robots are those of make_golden.py at the same
-states, three are drawn here. Efforts act on every joint of the tree. How Pinocchio states each loop: `x y z` is a CONTACT_3D, all six a
+states, four are drawn here. Efforts act on every joint of the tree. How Pinocchio states each loop: `x y z` is a CONTACT_3D, all six a
 CONTACT_6D, a pin is two CONTACT_3D on its axis, on both sides of its centre. Signs: Pinocchio's force acts on its first joint, link a;
 pkm-dyn's on link b, `M·a + nle = tau + J'·lambda`, in a's axes about b's origin.
 """
@@ -18,6 +18,7 @@ from mechanisms import Tree, mass_matrix, restart, save
 
 AXES = ["x", "y", "z", "rx", "ry", "rz"]
 ARM = 0.1
+GRAVITY = (0.4, -0.7, -9.7)
 # Redundant rows (a pin's sixth, a planar loop's z) need Pinocchio's proximal iteration; it ends after two or three steps.
 PROXIMAL = pin.ProximalSettings(1e-15, 1e-8, 50)
 
@@ -31,7 +32,7 @@ class Loop:
             frame = model.frames[model.getFrameId(spec[side]["link"])]
             self.ends.append(model.addFrame(pin.Frame(f"{spec['name']}_{side}", frame.parentJoint, frame.placement * se3(spec[side]), pin.OP_FRAME)))
         # Rows that come with the points and are none of pkm-dyn's forbid nothing more: z in a plane, the distance of two points.
-        shifts = {2: [0.0], 3: [0.0], 5: pin_points, 6: [None]}[len(self.rows)]
+        shifts = {2: [0.0], 3: [0.0], 4: [], 5: pin_points, 6: [None]}[len(self.rows)]
         a, b = (model.frames[f] for f in self.ends)
         for shift in shifts:
             at = pin.SE3(np.eye(3), np.array([0.0, 0.0, shift or 0.0]))
@@ -70,6 +71,14 @@ class Loop:
         return np.append(forces, efforts)
 
 
+def freedoms(jacobian):
+    """Orthonormal tree velocities that keep the loops closed, as columns."""
+    _, s, vt = np.linalg.svd(jacobian)
+    rank = int((s > 1e-9 * s[0]).sum())
+    assert s[rank - 1] > 0.1, "near a singular pose"
+    return vt[rank:].T
+
+
 class Mechanism:
     def __init__(self, text, toml, pin_points=(-ARM, ARM)):
         spec = tomllib.loads(toml)
@@ -93,13 +102,6 @@ class Mechanism:
         assert np.abs(gap).max() < 1e-13, np.abs(gap).max()
         return q
 
-    def freedoms(self, jacobian):
-        """Orthonormal tree velocities that keep the loops closed, as columns."""
-        _, s, vt = np.linalg.svd(jacobian)
-        rank = int((s > 1e-9 * s[0]).sum())
-        assert s[rank - 1] > 0.1, "near a singular pose"
-        return vt[rank:].T
-
     def reactions(self, q, v, a, tau, wrenches):
         """Wrench each joint of the tree transmits to its body, at the root's origin in the root's axes, loops closed."""
         m, d = self.model, self.data
@@ -119,7 +121,7 @@ class Mechanism:
         q = self.tree.q(x)
         gap, jacobian = self.at(q)
         assert np.abs(gap).max() < 1e-12
-        free = self.freedoms(jacobian)
+        free = freedoms(jacobian)
         v = free @ base.RNG.uniform(-2, 2, free.shape[1]) if v is None else v
         assert np.abs(jacobian @ v).max() < 1e-11
         tau = base.RNG.uniform(-20, 20, m.nv)
@@ -156,27 +158,37 @@ def forward_of(name, **how):
     save(f"{name}_forward", {"toml": golden["toml"], "urdf": golden["urdf"], "joints": robot.tree.coordinates, "bodies": robot.tree.bodies, "states": states})
 
 
-def forward_drawn(name, joints, closures, drives, spread):
-    """Closes the tree where it stands at drawn coordinates; closures: (name, link a, link b, axes)."""
-    text, gravity = urdf(name, joints), (0.4, -0.7, -9.7)
-    tree = Tree(text, gravity)
+def drawn_toml(name, tree, closures, drives):
+    """robot.toml and the assembly: the tree closed where it stands at drawn coordinates; closures: (name, link a, link b, axes, b in a)."""
     home = base.RNG.uniform(-0.6, 0.6, tree.model.nv)
     pin.framesForwardKinematics(tree.model, tree.data, tree.q(home))
     pose = lambda link: tree.data.oMf[tree.model.getFrameId(link)]
-    toml = f'name = "{name}"\nurdf = "{name}.urdf"\ngravity = {list(gravity)}\n'
-    for closure, link_a, link_b, axes in closures:
+    toml = f'name = "{name}"\nurdf = "{name}.urdf"\ngravity = {list(GRAVITY)}\n'
+    for closure, link_a, link_b, axes, between in closures:
         in_a = pin.SE3(pin.rpy.rpyToMatrix(*base.RNG.uniform(-1, 1, 3)), base.RNG.uniform(-0.2, 0.2, 3))
-        # A ball lets b stand turned against a.
-        turn = pin.SE3(np.eye(3) if len(axes) == 6 else pin.exp3(base.RNG.uniform(-1, 1, 3)), np.zeros(3))
-        in_b = pose(link_b).actInv(pose(link_a) * in_a * turn)
+        in_b = pose(link_b).actInv(pose(link_a) * in_a * between)
         toml += f'[[loop]]\nname = "{closure}"\na = {toml_frame(link_a, in_a)}\nb = {toml_frame(link_b, in_b)}\nconstrain = {json.dumps(axes)}\n'
     toml += "".join(f'[[actuator]]\njoint = "{drive}"\nrotor_inertia = {0.05 * (k + 1)}\n' for k, drive in enumerate(drives))
-    toml += "[assembly]\n" + "".join(f'"{c}" = {float(x)!r}\n' for c, x in zip(tree.coordinates, home))
+    return toml + "[assembly]\n" + "".join(f'"{c}" = {float(x)!r}\n' for c, x in zip(tree.coordinates, home)), home
+
+
+def save_drawn(name, text, toml, tree, states):
+    save(f"{name}_forward", {"toml": toml, "urdf": text, "joints": tree.coordinates, "bodies": tree.bodies, "states": states})
+
+
+def forward_drawn(name, joints, closures, drives, spread):
+    text = urdf(name, joints)
+    toml, home = drawn_toml(name, Tree(text, GRAVITY), closures, drives)
     robot, states = Mechanism(text, toml), []
     for _ in range(6):
         near = robot.tree.q(home + base.RNG.uniform(-spread, spread, len(home)))
         states.append(robot.state(robot.tree.x(robot.close(near))))
-    save(f"{name}_forward", {"toml": toml, "urdf": text, "joints": robot.tree.coordinates, "bodies": robot.tree.bodies, "states": states})
+    save_drawn(name, text, toml, robot.tree, states)
+
+
+def turned():
+    """A ball lets b stand turned against a."""
+    return pin.SE3(pin.exp3(base.RNG.uniform(-1, 1, 3)), np.zeros(3))
 
 
 def chain(prefix, root, kinds, end=None):
@@ -194,8 +206,8 @@ def three_loops():
         joints += chain(leg, "base", ["revolute", "revolute", "prismatic"])
     joints += chain("d", "base", ["revolute", "revolute", "prismatic", "revolute"])
     ball = ["x", "y", "z"]
-    forward_drawn("three_loops", joints, [("ball_b", "platform", "b2", ball), ("ball_c", "c2", "platform", ball), ("ball_d", "d3", "c1", ball)],
-                  ["aj0", "bj0"], 0.06)
+    forward_drawn("three_loops", joints, [("ball_b", "platform", "b2", ball, turned()), ("ball_c", "c2", "platform", ball, turned()),
+                  ("ball_d", "d3", "c1", ball, turned())], ["aj0", "bj0"], 0.06)
 
 
 def flying():
@@ -205,15 +217,42 @@ def flying():
     joints += chain("b", "base", ["revolute", "revolute", "prismatic"]) + [drawn("cj1", "revolute", "c0", "c1")]
     joints += chain("d", "platform", ["revolute", "prismatic"])
     ball = ["x", "y", "z"]
-    forward_drawn("flying", joints, [("ball_b", "platform", "b2", ball), ("ball_c", "c1", "platform", ball), ("ball_d", "base", "d1", ball)],
-                  ["bj0", "bj1"], 0.06)
+    forward_drawn("flying", joints, [("ball_b", "platform", "b2", ball, turned()), ("ball_c", "c1", "platform", ball, turned()),
+                  ("ball_d", "base", "d1", ball, turned())], ["bj0", "bj1"], 0.06)
 
 
 def weld():
     """Two chains, one with a ball, grown together: all six motions are forbidden, two freedoms are left without a drive."""
     restart(5)
     joints = chain("a", "base", ["revolute", "spherical", "prismatic"]) + chain("b", "base", ["revolute", "prismatic", "revolute", "revolute"])
-    forward_drawn("weld", joints, [("weld", "a2", "b3", AXES)], ["bj0"], 0.06)
+    forward_drawn("weld", joints, [("weld", "a2", "b3", AXES, pin.SE3.Identity())], ["bj0"], 0.06)
+
+
+def cylinder():
+    """Two chains joined by a joint that slides and turns, which no contact of Pinocchio says: `M·a + nle = tau + J'·lambda` is solved here,
+    with make_golden's rows and drift, from Pinocchio's frame accelerations. Its turns are products of directions: `y·z_b` per unit turns
+    b about -x, `x·z_b` about y."""
+    restart(7)
+    text = urdf("cylinder", chain("a", "base", ["revolute", "revolute", "prismatic", "revolute"]) + chain("b", "base", ["revolute", "prismatic", "revolute"]))
+    between = pin.SE3(pin.exp3(np.array([0.0, 0.0, 2.0])), np.array([0.0, 0.0, 0.3]))
+    toml, home = drawn_toml("cylinder", Tree(text, GRAVITY), [("sleeve", "a3", "b2", ["x", "y", "rx", "ry"], between)], ["aj0"])
+    robot, closed, states = Mechanism(text, toml), base.Closed(text, toml), []
+    assert closed.names == robot.tree.coordinates
+    m, d, n = robot.model, robot.data, robot.model.nv
+    for _ in range(6):
+        q = closed.close(home + base.RNG.uniform(-0.06, 0.06, n))
+        free = freedoms(closed.rows(q, np.zeros(n))[1])
+        v, tau = free @ base.RNG.uniform(-2, 2, free.shape[1]), base.RNG.uniform(-20, 20, n)
+        _, jacobian, drift = closed.rows(q, v)
+        mass, bias = mass_matrix(m, d, q), pin.nonLinearEffects(m, d, q, v).copy()
+        both = np.linalg.solve(np.block([[mass, -jacobian.T], [jacobian, np.zeros((4, 4))]]), np.append(tau - bias, -drift))
+        a, (x, y, about_y, about_minus_x) = both[:n], both[n:]
+        wrench = np.array([x, y, 0.0, -about_minus_x, about_y, 0.0])
+        robot.at(q)
+        efforts, reactions = robot.loops[0].efforts(d, wrench), robot.reactions(q, v, a, tau, [wrench])
+        states.append({"q": q, "v": v, "tau": tau, "a": a, "tree": mass @ a + bias, "lambda": efforts, "wrench": [wrench], "reaction": reactions,
+                       "freedoms": free, "mass": free.T @ mass @ free})
+    save_drawn("cylinder", text, toml, robot.tree, states)
 
 
 if __name__ == "__main__":
@@ -224,3 +263,4 @@ if __name__ == "__main__":
     three_loops()
     flying()
     weld()
+    cylinder()
