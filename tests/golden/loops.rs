@@ -14,7 +14,7 @@ use serde::Deserialize;
 
 use super::{Golden, indices, ours, robot, theirs};
 
-/// Relative to the largest entry of the table compared: ten times the largest seen (accelerations of `spatial_pin`, 8e-14).
+/// Relative to the largest entry of the table compared: ten times the largest seen (multipliers of `three_loops`, 8e-14).
 const USUAL: f64 = 1e-12;
 
 #[derive(Deserialize)]
