@@ -1,4 +1,4 @@
-//! Numbers of Pinocchio (golden/pinocchio, made by `make_golden.py` there), element by element.
+//! Numbers of Pinocchio (golden/pinocchio, made by `make_golden.py` and its neighbours there), element by element.
 //!
 //! Not in here: robots of the papers, recorded data.
 
@@ -6,27 +6,18 @@ use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, inverse_
 use pkm_dyn::model::Model;
 use pkm_dyn::regressor::joint_torque_regressor;
 use pkm_dyn::rnea::rnea;
-use pkm_dyn::urdf::parse;
 use pkm_dyn::{Data, kinematics};
 use pkm_tests::relative_error;
 use serde::Deserialize;
+
+use golden::{Golden, ours, robot, theirs};
+
+mod golden;
 
 /// Relative to the largest entry of the table compared: some ten digits above what two correct programs differ by.
 const TOLERANCE: f64 = 1e-10;
 /// What this machine reaches is kept in sight: ten times the largest difference seen on the tree robots.
 const USUAL: f64 = 1e-13;
-
-#[derive(Deserialize)]
-struct Golden<S> {
-    pin: String,
-    seed: u64,
-    toml: String,
-    urdf: String,
-    joints: Vec<String>,
-    #[serde(default)]
-    last_link: String,
-    states: Vec<S>,
-}
 
 #[derive(Deserialize)]
 struct TreeState {
@@ -47,27 +38,6 @@ struct LoopState {
     v: Vec<f64>,
     a: Vec<f64>,
     tau: Vec<f64>,
-}
-
-/// The robot, and for each of Pinocchio's joints our index: Pinocchio sorts children by name, we keep the file's order.
-fn robot<S>(golden: &Golden<S>) -> (Model, Vec<usize>) {
-    assert_eq!(golden.pin, "4.1.0", "golden files of one version");
-    assert!(golden.seed > 0);
-    let model = parse(&golden.toml, &golden.urdf, ["golden.toml", "golden.urdf"]).expect("the golden robot reads").bare;
-    let order = golden.joints.iter().map(|name| model.joint_index(name).expect("joint by name")).collect();
-    (model, order)
-}
-
-fn ours(order: &[usize], theirs: &[f64]) -> Vec<f64> {
-    let mut out = vec![0.0; theirs.len()];
-    for (k, &j) in order.iter().enumerate() {
-        out[j] = theirs[k];
-    }
-    out
-}
-
-fn theirs(order: &[usize], ours: &[f64]) -> Vec<f64> {
-    order.iter().map(|&j| ours[j]).collect()
 }
 
 fn assert_close(what: &str, got: &[f64], want: &[f64]) {
