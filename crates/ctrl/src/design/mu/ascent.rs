@@ -179,7 +179,8 @@ impl Climber {
             let size = slope.norm_sqr().sqrt();
             if size > 0.0 {
                 let scale = self.lambda.norm_sqr().sqrt() / size;
-                let room = [(ground.range[0] - self.w).max(-0.2 * self.w), (ground.range[1] - self.w).min(0.2 * self.w)];
+                let fifth = 0.2 * self.w;
+                let room = [(ground.range[0] - self.w).max(-fifth).min(0.0), (ground.range[1] - self.w).min(fifth).max(0.0)];
                 out.push(Move { block: 0, what: What::Frequency, slope, room, scale });
             }
         }

@@ -18,7 +18,7 @@ pub(crate) struct Balanced {
     pub(crate) size: f64,
 }
 
-/// Balances; `is_measured` blocks alone follow the size, the others keep the scale of M.
+/// Balances and scales.
 pub(crate) fn balance(M: &CMatrix, placed: &[Placed]) -> Balanced {
     let n = placed.len();
     let sum = |i: usize, j: usize| -> f64 {
@@ -47,14 +47,43 @@ pub(crate) fn balance(M: &CMatrix, placed: &[Placed]) -> Balanced {
         }
     }
     let mut out = M.clone();
-    for (i, p) in placed.iter().enumerate() {
-        for (j, q) in placed.iter().enumerate() {
-            let factor = scales[i] / scales[j];
-            out.view_mut((p.z.start, q.w.start), (p.z.len(), q.w.len())).iter_mut().for_each(|m| *m *= factor);
-        }
-    }
+    rescale(&mut out, placed, &scales);
     let largest = out.iter().map(|m| m.re.abs().max(m.im.abs())).fold(0.0, f64::max);
     let size = if largest > 0.0 { power_of_two_near(largest) } else { 1.0 };
     out.iter_mut().for_each(|m| *m /= size);
     Balanced { M: out, scales, size }
+}
+
+/// `S_z·M·S_w⁻¹` for the scales of the blocks.
+pub(crate) fn rescale(M: &mut CMatrix, placed: &[Placed], scales: &[f64]) {
+    for (p, s) in placed.iter().zip(scales) {
+        for (q, t) in placed.iter().zip(scales) {
+            let factor = s / t;
+            M.view_mut((p.z.start, q.w.start), (p.z.len(), q.w.len())).iter_mut().for_each(|m| *m *= factor);
+        }
+    }
+}
+
+/// Osborne's balancing of a square matrix by a diagonal similarity of powers of two: the eigenvalues stay.
+pub(crate) fn balance_square(A: &mut CMatrix) {
+    let n = A.nrows();
+    let size = |a: nalgebra::Complex<f64>| a.re.abs() + a.im.abs();
+    for _ in 0..SWEEPS {
+        let mut has_changed = false;
+        for k in 0..n {
+            let row: f64 = (0..n).filter(|&j| j != k).map(|j| size(A[(k, j)])).sum();
+            let col: f64 = (0..n).filter(|&j| j != k).map(|j| size(A[(j, k)])).sum();
+            if row > 0.0 && col > 0.0 && row.is_finite() && col.is_finite() {
+                let factor = power_of_two_near((col / row).sqrt() * core::f64::consts::SQRT_2);
+                if (factor - 1.0).abs() > 0.0 {
+                    has_changed = true;
+                    A.row_mut(k).iter_mut().for_each(|a| *a *= factor);
+                    A.column_mut(k).iter_mut().for_each(|a| *a /= factor);
+                }
+            }
+        }
+        if !has_changed {
+            break;
+        }
+    }
 }

@@ -15,7 +15,8 @@ use super::hermitian::{cholesky, inverse_lower, log_det};
 use super::structure::{Placed, Structure};
 use super::{Block, CMatrix};
 
-/// |G| ≤ `G_BOX`·D after balancing: where a larger G would help without end, the interior has no centre.
+/// Largest eigenvalue of G, after balancing and with D near one: where a larger G would help without end, the interior has no centre.
+/// What counts is G relative to its own D, and that stays free: D may be as small as it likes.
 const G_BOX: f64 = 1.0e4;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -92,8 +93,7 @@ impl Lmi {
     /// The centre for t without end: G = 0, and D a number per block.
     pub(crate) fn start(&self) -> DVector<f64> {
         let value = |u: &Unknown| match self.placed[u.block].block {
-            Block::Real { .. } => 3.0,
-            Block::Complex { .. } => 2.0,
+            Block::Real { .. } | Block::Complex { .. } => 2.0,
             Block::Full { rows, .. } => 1.0 + rows as f64,
         };
         DVector::from_iterator(self.unknowns.len(), self.unknowns.iter().map(|u| if u.is_diagonal() { value(u) } else { 0.0 }))
@@ -141,25 +141,23 @@ impl Lmi {
         if self.is_measured[row] { t } else { 1.0 }
     }
 
-    /// Factors of the blocks of the barrier beside F, with their place: D, or c·D + G and c·D − G of real blocks; none outside the domain.
+    /// Factors of the blocks of the barrier beside F: D, and the box around G of real blocks; none outside the domain.
     fn sides(&self, D_w: &CMatrix, G: &CMatrix) -> Option<Vec<Side>> {
-        let mut out = Vec::with_capacity(2 * self.placed.len());
+        let mut out = Vec::with_capacity(3 * self.placed.len());
         for (block, p) in self.placed.iter().enumerate() {
             let (w, size) = (p.w.start, p.w.len());
-            let mut put = |sign: f64, B: CMatrix| {
-                out.push(Side { block, sign, L: cholesky(&B)? });
+            let mut put = |kind: Kind, sign: f64, B: CMatrix| {
+                out.push(Side { block, kind, sign, L: cholesky(&B)? });
                 Some(())
             };
-            let D = D_w.view((w, w), (size, size));
-            match p.block {
-                Block::Real { .. } => {
-                    let G = G.view((w, p.z.start), (size, size));
-                    put(1.0, D * Complex::new(G_BOX, 0.0) + G)?;
-                    put(-1.0, D * Complex::new(G_BOX, 0.0) - G)?;
-                }
-                Block::Complex { .. } => put(0.0, D.into_owned())?,
-                // One number, once.
-                Block::Full { .. } => put(0.0, D.view((0, 0), (1, 1)).into_owned())?,
+            // Of a full block one number, once.
+            let size_d = if matches!(p.block, Block::Full { .. }) { 1 } else { size };
+            put(Kind::D, 1.0, D_w.view((w, w), (size_d, size_d)).into_owned())?;
+            if p.block.is_real() {
+                let G = G.view((w, p.z.start), (size, size));
+                let box_ = CMatrix::identity(size, size) * Complex::new(G_BOX, 0.0);
+                put(Kind::G, 1.0, &box_ + G)?;
+                put(Kind::G, -1.0, box_ - G)?;
             }
         }
         Some(out)
@@ -197,10 +195,11 @@ impl Lmi {
             J.set_column(a, &column);
         }
         let mut hessian = J.tr_mul(&J);
+        let mut boxes = 0.0;
         for side in &sides {
-            self.add_side(side, &mut gradient, &mut hessian);
+            boxes += self.add_side(side, &mut gradient, &mut hessian);
         }
-        Some(Local { gradient, hessian, gradient_t, gap: self.weights().dot(x) / share, P: V.adjoint() * V })
+        Some(Local { gradient, hessian, gradient_t, gap: (self.weights().dot(x) + boxes) / share, P: V.adjoint() * V })
     }
 
     /// V·F_u·V* for the matrix F_u that multiplies one unknown.
@@ -233,22 +232,17 @@ impl Lmi {
         u.w.iter().map(|&(i, j, a)| (a * V.column(j).dotc(&V.column(i))).re).sum()
     }
 
-    /// Adds the part of one block of the barrier beside F.
-    fn add_side(&self, side: &Side, gradient: &mut DVector<f64>, hessian: &mut DMatrix<f64>) {
+    /// Adds the part of one block of the barrier beside F; returns its share in the distance to the smallest t.
+    fn add_side(&self, side: &Side, gradient: &mut DVector<f64>, hessian: &mut DMatrix<f64>) -> f64 {
         let w = self.placed[side.block].w.start;
         let V = inverse_lower(&side.L);
-        let own: Vec<usize> = (0..self.unknowns.len()).filter(|&a| self.unknowns[a].block == side.block).collect();
+        let own: Vec<usize> = (0..self.unknowns.len()).filter(|&a| self.unknowns[a].block == side.block && self.unknowns[a].kind == side.kind).collect();
         let mut columns = Vec::with_capacity(own.len());
         for &a in &own {
             let u = &self.unknowns[a];
-            let factor = match (u.kind, self.placed[side.block].block) {
-                (Kind::G, _) => side.sign,
-                (Kind::D, Block::Real { .. }) => G_BOX,
-                (Kind::D, _) => 1.0,
-            };
             let mut seen = CMatrix::zeros(V.nrows(), V.nrows());
             for &(i, j, c) in u.w.iter().filter(|e| e.0 - w < V.nrows()) {
-                add_outer(&mut seen, c * factor, V.column(i - w), V.column(j - w));
+                add_outer(&mut seen, c * side.sign, V.column(i - w), V.column(j - w));
             }
             gradient[a] -= seen.trace().re;
             columns.push(flat(&seen));
@@ -258,13 +252,15 @@ impl Lmi {
                 hessian[(a, b)] += columns[c].dot(&columns[d]);
             }
         }
+        if side.kind == Kind::G { G_BOX * V.norm_squared() } else { 0.0 }
     }
 }
 
 /// Factor of one block of the barrier beside F.
 struct Side {
     block: usize,
-    /// Sign of G in it.
+    /// Whether it holds D, or G with its sign.
+    kind: Kind,
     sign: f64,
     L: CMatrix,
 }

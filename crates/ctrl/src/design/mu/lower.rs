@@ -5,6 +5,7 @@ use alloc::vec::Vec;
 use nalgebra::{Complex, DVector};
 
 use super::ascent::{Climber, Ground};
+use super::balance::{balance, rescale};
 use super::perturbation::{Part, Perturbation, SINGULAR, sending};
 use super::power::power_iteration;
 use super::response::{Constant, Response};
@@ -23,6 +24,15 @@ pub struct LowerBound {
     pub w: f64,
 }
 
+/// How hard to search.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Effort {
+    /// The multipliers of the upper bound and their power iterations.
+    Quick,
+    /// Other directions and vertices of the real parameters as well.
+    Full,
+}
+
 /// Vertices of the real parameters tried when there are no more than this many of them; otherwise as many drawn.
 const VERTICES: usize = 32;
 
@@ -38,11 +48,51 @@ pub fn lower_bound(M: &CMatrix, structure: &Structure, upper: &UpperBound) -> Re
     let response = Constant(M.clone());
     let placed = structure.placed();
     let ground = Ground { placed: &placed, response: &response, range: [0.0, 0.0] };
-    Ok(search(&ground, structure, (M, 0.0), upper))
+    Ok(search(&ground, structure, (M, 0.0), upper, Effort::Full))
+}
+
+/// A response in balanced coordinates. Perturbations are the same in both: a block's rows and columns take the same factor.
+struct Rescaled<'a> {
+    inner: &'a dyn Response,
+    placed: &'a [Placed],
+    scales: &'a [f64],
+}
+
+impl Rescaled<'_> {
+    fn rescale(&self, M: Option<CMatrix>) -> Option<CMatrix> {
+        M.map(|mut M| {
+            rescale(&mut M, self.placed, self.scales);
+            M
+        })
+    }
+}
+
+impl Response for Rescaled<'_> {
+    fn at(&self, w: f64) -> Option<CMatrix> {
+        self.rescale(self.inner.at(w))
+    }
+
+    fn slope(&self, w: f64) -> Option<CMatrix> {
+        self.rescale(self.inner.slope(w))
+    }
 }
 
 /// The search from a frequency `w`, where the response is `M` and its upper bound is known.
-pub(crate) fn search(ground: &Ground<'_>, structure: &Structure, (M, w): (&CMatrix, f64), upper: &UpperBound) -> LowerBound {
+///
+/// It is done in balanced coordinates, and so is the check of what it finds: how singular a matrix is depends on its scaling.
+pub(crate) fn search(
+    ground: &Ground<'_>,
+    structure: &Structure,
+    (M, w): (&CMatrix, f64),
+    upper: &UpperBound,
+    effort: Effort,
+) -> LowerBound {
+    let scales = balance(M, ground.placed).scales;
+    let response = Rescaled { inner: ground.response, placed: ground.placed, scales: &scales };
+    let ground = &Ground { placed: ground.placed, response: &response, range: ground.range };
+    let mut M = M.clone();
+    rescale(&mut M, ground.placed, &scales);
+    let M = &M;
     let beta = upper.certificate.beta;
     let mut best = LowerBound { beta: 0.0, perturbation: None, w };
     let mut best_parts: Option<Vec<Part>> = None;
@@ -62,14 +112,16 @@ pub(crate) fn search(ground: &Ground<'_>, structure: &Structure, (M, w): (&CMatr
         }
         is_fixed && best.beta >= beta * (1.0 - CLOSE)
     };
-    for parts in starts(M, ground.placed, upper) {
+    let all = starts(M, ground.placed, upper);
+    let complex = all[0].clone();
+    let few = if effort == Effort::Quick { 4 } else { all.len() };
+    for parts in all.into_iter().take(few) {
         if attempt(parts) {
             return best;
         }
     }
     let reals: Vec<usize> = (0..ground.placed.len()).filter(|&k| ground.placed[k].block.is_real()).collect();
-    if !reals.is_empty() {
-        let complex = starts(M, ground.placed, upper).into_iter().next().unwrap_or_default();
+    if !reals.is_empty() && effort == Effort::Full {
         for signs in vertices(reals.len()) {
             let mut parts = complex.clone();
             reals.iter().zip(&signs).for_each(|(&k, &s)| parts[k] = Part::Real(s));
@@ -108,8 +160,8 @@ fn starts(M: &CMatrix, placed: &[Placed], upper: &UpperBound) -> Vec<Vec<Part>> 
     if n > 1 {
         let sum = column(0) + column(1);
         let turned = column(0) + column(1) * Complex::new(0.0, 1.0);
-        out.extend([direct(&column(1)), direct(&sum), direct(&turned)]);
-        out.extend([power_iteration(M, placed, column(1)), power_iteration(M, placed, sum), power_iteration(M, placed, turned)]);
+        out.extend([power_iteration(M, placed, sum.clone()), direct(&column(1)), direct(&sum), direct(&turned)]);
+        out.extend([power_iteration(M, placed, column(1)), power_iteration(M, placed, turned)]);
     }
     out.push(power_iteration(M, placed, DVector::from_fn(n, |i, _| Complex::new(1.0, 0.3 * i as f64))));
     out

@@ -12,12 +12,15 @@ mod ascent;
 mod balance;
 mod certificate;
 mod hermitian;
+mod interval;
 mod lmi;
 mod lower;
 mod perturbation;
 mod power;
 mod response;
 mod structure;
+mod sweep;
+mod system;
 mod upper;
 
 pub use certificate::Certificate;
@@ -25,6 +28,8 @@ pub use lower::{LowerBound, lower_bound};
 pub use perturbation::{Perturbation, SINGULAR, Value};
 pub use response::{Constant, Response};
 pub use structure::{Block, Structure};
+pub use sweep::{Guarantee, Point, Segment, Settings, Sweep, sweep};
+pub use system::StateSpace;
 pub use upper::{UpperBound, UpperStatus, scalings_for, upper_bound};
 
 /// Complex matrix.
@@ -68,6 +73,28 @@ pub enum MuError {
         col: usize,
         /// The entry.
         value: f64,
+    },
+    /// A sample time that is none.
+    #[error("sample time: {value} s (must be finite and > 0)")]
+    SampleTime {
+        /// The sample time `[s]`.
+        value: f64,
+    },
+    /// A pole of the nominal system on the stability boundary, within the frequencies asked for.
+    #[error("the nominal system has a pole at {w} rad/s (its response must be finite on the whole range)")]
+    Pole {
+        /// Its frequency `[rad/s]`.
+        w: f64,
+    },
+    /// A range of frequencies that is none.
+    #[error("frequencies: {lower} to {upper} rad/s (must be 0 <= lower < upper <= {limit})")]
+    Range {
+        /// Lower end `[rad/s]`.
+        lower: f64,
+        /// Upper end `[rad/s]`.
+        upper: f64,
+        /// Highest frequency of the system `[rad/s]`.
+        limit: f64,
     },
 }
 

@@ -4,6 +4,8 @@
 //! it; the tangent of the path of centres predicts the next one at a smaller t; the distance to the smallest t is known at a centre from
 //! its multipliers. The result does not rest on any of this: the scalings reached are checked by [`Certificate::holds`], with rounding.
 
+use alloc::vec::Vec;
+
 use nalgebra::{Cholesky, Complex, DVector};
 
 use super::balance::{Balanced, balance};
@@ -18,6 +20,10 @@ const STEPS: usize = 200;
 /// The path is left when the remaining distance is below this share of t = β².
 const GAP: f64 = 3.0e-7;
 
+/// The path is left as well when t has fallen to this share of where it began: the bound is then negligible beside σ(M), and below it
+/// rounding leaves nothing to prove.
+const NEGLIGIBLE: f64 = 1.0e-11;
+
 /// Newton decrement below which a point counts as central enough to go on.
 const CENTRAL: f64 = 0.6;
 
@@ -30,14 +36,14 @@ pub struct UpperBound {
     pub status: UpperStatus,
     /// Newton steps taken.
     pub steps: usize,
-    /// Leading directions of the multipliers, in coordinates of w, best first: where the worst perturbation acts.
+    /// Leading directions of the multipliers, in balanced coordinates of w, best first: where the worst perturbation acts.
     pub(crate) directions: CMatrix,
 }
 
 /// How the iterations of an upper bound ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum UpperStatus {
-    /// No better D-G scalings exist, up to 1e-8 of the bound.
+    /// No better D-G scalings exist, up to 1e-7 of the bound or 1e-5 of σ(M).
     Optimal,
     /// The limit of iterations or of arithmetic was reached first: the bound is proved but may not be the best.
     Stopped,
@@ -56,7 +62,7 @@ pub fn upper_bound(M: &CMatrix, structure: &Structure) -> Result<UpperBound, MuE
     let t = start_t(&lmi, &x);
     let end = follow(&lmi, x, t, 0.0);
     let certificate = prove(M, structure, &balanced, (&lmi, &end), Sizes { is_measured: &all });
-    Ok(UpperBound { certificate, status: end.status, steps: end.steps, directions: directions(&balanced, structure, &end) })
+    Ok(UpperBound { certificate, status: end.status, steps: end.steps, directions: directions(&end) })
 }
 
 /// Scalings that prove the bound `beta` with room to spare (the centre of all that do), or none when there are none.
@@ -86,6 +92,8 @@ pub(crate) struct End {
     status: UpperStatus,
     steps: usize,
     P: CMatrix,
+    /// Centres passed, with their t.
+    path: Vec<(DVector<f64>, f64)>,
 }
 
 /// A t at which `x` (G = 0) is feasible, not far above the smallest.
@@ -102,22 +110,23 @@ fn start_t(lmi: &Lmi, x: &DVector<f64>) -> f64 {
 /// Follows the path from the feasible (x, t) down to the smallest t, or to `goal` and its centre.
 pub(crate) fn follow(lmi: &Lmi, mut x: DVector<f64>, mut t: f64, goal: f64) -> End {
     let n = lmi.M.ncols();
-    let mut end = End { x: x.clone(), t, status: UpperStatus::Stopped, steps: 0, P: CMatrix::identity(n, n) };
+    let mut end = End { x: x.clone(), t, status: UpperStatus::Stopped, steps: 0, P: CMatrix::identity(n, n), path: Vec::new() };
+    let negligible = NEGLIGIBLE * t;
     let mut last: Option<(f64, f64)> = None;
     for step in 1..=STEPS {
         let Some(local) = lmi.local(&x, t) else { break };
         let Some(equations) = Newton::new(&local) else { break };
         let newton = equations.minus_solve(&local.gradient);
         let decrement = (-local.gradient.dot(&newton)).max(0.0).sqrt();
-        end = End { x: x.clone(), t, steps: step, P: local.P.clone(), status: UpperStatus::Stopped };
-        if std::env::var("MU_TRACE").is_ok() { std::eprintln!("{step} t {t:.10} gap/t {:.3e} dec {decrement:.3e}", local.gap/t); }
+        (end.x, end.t, end.steps, end.P) = (x.clone(), t, step, local.P.clone());
         let is_central = decrement < CENTRAL;
         let is_at_goal = t <= goal;
-        if is_central && (local.gap <= GAP * t || is_at_goal && decrement < 0.1) {
+        if is_central && (local.gap <= GAP * t || t <= negligible || is_at_goal && decrement < 0.1) {
             end.status = UpperStatus::Optimal;
             break;
         }
         if is_central && !is_at_goal {
+            end.path.push((x.clone(), t));
             let tangent = equations.minus_solve(&local.gradient_t);
             // The gap is a bound; from one centre to the next it shrinks in proportion, which tells how far off it is.
             let off = last.map_or(1.0, |(t_0, gap_0)| ((t_0 - t) / (gap_0 - local.gap)).clamp(0.1, 1.0));
@@ -210,18 +219,21 @@ fn unbalance(balanced: &Balanced, structure: &Structure, lmi: &Lmi, x: &DVector<
 
 /// The smallest β near the end of the path that can be proved with its scalings.
 fn prove(M: &CMatrix, structure: &Structure, balanced: &Balanced, (lmi, end): (&Lmi, &End), sizes: Sizes<'_>) -> Certificate {
-    let mut certificate = unbalance(balanced, structure, lmi, &end.x, 0.0);
-    if certificate.holds_for(M, structure, sizes) {
-        return certificate;
+    let zero = unbalance(balanced, structure, lmi, &end.x, 0.0);
+    if zero.holds_for(M, structure, sizes) {
+        return zero;
     }
-    let beta = end.t.max(0.0).sqrt() * balanced.size;
-    let mut slack = 1.0e-13;
-    while slack < 1.0 {
-        certificate.beta = beta * (1.0 + slack);
-        if certificate.holds_for(M, structure, sizes) {
-            return certificate;
+    // The last point, or the last one before rounding took over.
+    let points = core::iter::once((&end.x, end.t)).chain(end.path.iter().rev().map(|(x, t)| (x, *t)));
+    for (x, t) in points {
+        let mut certificate = unbalance(balanced, structure, lmi, x, 0.0);
+        let beta = t.max(0.0).sqrt() * balanced.size;
+        for slack in [1e-13, 1e-11, 1e-9, 1e-8, 1e-7, 1e-6] {
+            certificate.beta = beta * (1.0 + slack);
+            if certificate.holds_for(M, structure, sizes) {
+                return certificate;
+            }
         }
-        slack *= 4.0;
     }
     plain(M, structure, sizes)
 }
@@ -238,15 +250,10 @@ fn plain(M: &CMatrix, structure: &Structure, sizes: Sizes<'_>) -> Certificate {
     certificate
 }
 
-/// Eigenvectors of the multiplier F⁻¹, largest first, in the coordinates of M.
-fn directions(balanced: &Balanced, structure: &Structure, end: &End) -> CMatrix {
+/// Eigenvectors of the multiplier F⁻¹, largest first, in balanced coordinates.
+fn directions(end: &End) -> CMatrix {
     let eigen = end.P.clone().symmetric_eigen();
     let mut order: alloc::vec::Vec<usize> = (0..eigen.eigenvalues.len()).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-    let mut out = CMatrix::from_fn(order.len(), order.len(), |i, j| eigen.eigenvectors[(i, order[j])]);
-    for (p, &s) in structure.placed().iter().zip(&balanced.scales) {
-        // M' = S_z·M·S_w^-1, so w = S_w^-1·w'.
-        p.w.clone().for_each(|i| out.row_mut(i).iter_mut().for_each(|v| *v /= s));
-    }
-    out
+    CMatrix::from_fn(order.len(), order.len(), |i, j| eigen.eigenvectors[(i, order[j])])
 }
