@@ -1,11 +1,14 @@
 //! Problems of the literature whose structured singular value is known; every number was published or can be derived on paper.
 
+#![expect(non_snake_case, reason = "matrices carry the capital letters of the literature")]
+
 #[path = "mu/systems.rs"]
 mod systems;
 
 use nalgebra::{Complex, DMatrix};
 use pkm_ctrl::design::mu::{
-    Block, CMatrix, Guarantee, Response, Settings, StateSpace, Structure, Sweep, Value, lower_bound, sweep, upper_bound,
+    Block, CMatrix, Guarantee, Performance, Response, Settings, StateSpace, Structure, Sweep, Value, lower_bound, sweep, upper_bound,
+    worst_case_gain,
 };
 use systems::{Draw, Sys, matrix};
 
@@ -349,4 +352,22 @@ fn the_disk_margin_of_matlabs_uscale_page() {
     let [low, high] = [1.0 / out.upper, 1.0 / out.worst.beta];
     assert!((low - 0.832_05).abs() < 1e-5 && (high - 0.832_05).abs() < 1e-5, "{low} {high}");
     assert!((out.worst.w - 1.4505).abs() < 1e-3, "{}", out.worst.w);
+}
+
+#[test]
+fn the_worst_case_gain_of_a_spring_and_mass_is_that_of_its_weakest_damper() {
+    // x'' + 2ζ(1 + 0.5δ)x' + x = d, error x: the largest gain is 1/(2ζ'·sqrt(1 − ζ'²)), ζ' = ζ/2 at δ = −1.
+    let zeta = 0.1;
+    let a = DMatrix::from_row_slice(2, 2, &[0.0, 1.0, -1.0, -2.0 * zeta]);
+    let b = DMatrix::from_row_slice(2, 2, &[0.0, 0.0, -zeta, 1.0]);
+    let c = DMatrix::from_row_slice(2, 2, &[0.0, 1.0, 1.0, 0.0]);
+    let system = StateSpace::try_new([a, b, c, DMatrix::zeros(2, 2)], None).expect("dimensions");
+    let performance = Performance { inputs: 1, outputs: 1 };
+    let gain = worst_case_gain(&system, &structure(&[R]), performance, [0.0, f64::INFINITY], &Settings::default()).expect("a gain");
+    let weakest = zeta / 2.0;
+    let known = 1.0 / (2.0 * weakest * (1.0 - weakest * weakest).sqrt());
+    println!("{} .. {} at {}, known {known}", gain.lower, gain.upper, gain.w);
+    assert!(gain.lower <= known * (1.0 + 1e-6) && gain.lower > 0.998 * known, "{} {known}", gain.lower);
+    assert!(gain.upper >= known && gain.upper < 1.003 * known, "{} {known}", gain.upper);
+    assert_eq!(gain.guarantee, Guarantee::Interval([0.0, f64::INFINITY]));
 }

@@ -22,13 +22,6 @@ pub struct Certificate {
     pub g: CMatrix,
 }
 
-/// How large the blocks are that a proof speaks of.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Sizes<'a> {
-    /// Per block: measured by β, or of size one.
-    pub(crate) is_measured: &'a [bool],
-}
-
 impl Certificate {
     /// Whether the inequality holds for `M` beyond doubt: the left side is formed with a bound on every rounding, and the largest
     /// matrix within that bound is shown to be negative definite.
@@ -37,14 +30,9 @@ impl Certificate {
     /// When the dimensions are not those of the structure.
     #[must_use]
     pub fn holds(&self, M: &CMatrix, structure: &Structure) -> bool {
-        let all = alloc::vec![true; structure.blocks().len()];
-        self.holds_for(M, structure, Sizes { is_measured: &all })
-    }
-
-    pub(crate) fn holds_for(&self, M: &CMatrix, structure: &Structure, sizes: Sizes<'_>) -> bool {
         assert_eq!(M.shape(), (structure.n_z(), structure.n_w()), "M has the dimensions of the structure");
         self.has_structure(structure) && self.is_positive() && {
-            let (F, radius) = self.inequality(M, structure, sizes);
+            let (F, radius) = self.inequality(M, structure);
             is_surely_positive(&F, &radius)
         }
     }
@@ -53,8 +41,7 @@ impl Certificate {
     /// the inequality holds. In plain floating point.
     #[must_use]
     pub fn residual(&self, M: &CMatrix, structure: &Structure) -> f64 {
-        let all = alloc::vec![true; structure.blocks().len()];
-        let (F, _) = self.inequality(M, structure, Sizes { is_measured: &all });
+        let (F, _) = self.inequality(M, structure);
         let Some(L) = super::hermitian::cholesky(&self.d_w) else { return f64::INFINITY };
         let Some(X) = L.solve_lower_triangular(&F) else { return f64::INFINITY };
         let Some(Y) = L.solve_lower_triangular(&X.adjoint()) else { return f64::INFINITY };
@@ -93,19 +80,15 @@ impl Certificate {
     }
 
     /// `β²·D_w − M*·D_z·M − j·(G·M − M*·G)` and a bound on the error of each of its entries.
-    fn inequality(&self, M: &CMatrix, structure: &Structure, sizes: Sizes<'_>) -> (CMatrix, DMatrix<f64>) {
+    fn inequality(&self, M: &CMatrix, structure: &Structure) -> (CMatrix, DMatrix<f64>) {
         let n = structure.n_w();
         // Rounded towards zero: a smaller β² is harder to prove.
         let t = self.beta * self.beta * (1.0 - 4.0 * U);
-        let mut factor = DMatrix::zeros(n, 1);
-        for (p, &measured) in structure.placed().iter().zip(sizes.is_measured) {
-            p.w.clone().for_each(|i| factor[i] = if measured { t } else { 1.0 });
-        }
         let quadratic = M.adjoint() * (&self.d_z * M);
         let skew = &self.g * M;
         let j = Complex::new(0.0, 1.0);
         let F = CMatrix::from_fn(n, n, |r, c| {
-            self.d_w[(r, c)] * factor[r] - quadratic[(r, c)] - j * (skew[(r, c)] - skew[(c, r)].conj())
+            self.d_w[(r, c)] * t - quadratic[(r, c)] - j * (skew[(r, c)] - skew[(c, r)].conj())
         });
         // Every entry is a sum of products; with |x| <= |re| + |im| the error of each sum of K terms is below 4·K·u times the sum of
         // moduli, two products deep.
@@ -116,7 +99,7 @@ impl Certificate {
         let steps = 16.0 * (M.nrows() + n + 8) as f64 * U;
         let radius = DMatrix::from_fn(n, n, |r, c| {
             let d = self.d_w[(r, c)];
-            steps * ((d.re.abs() + d.im.abs()) * factor[r] + quadratic[(r, c)] + skew[(r, c)] + skew[(c, r)]) + f64::MIN_POSITIVE
+            steps * ((d.re.abs() + d.im.abs()) * t + quadratic[(r, c)] + skew[(r, c)] + skew[(c, r)]) + f64::MIN_POSITIVE
         });
         (F, radius)
     }

@@ -1,7 +1,7 @@
 //! The linear matrix inequality of the upper bound and its barrier.
 //!
 //! With D > 0 and G Hermitian of the structure, β is an upper bound of μ when [FanTitsDoyle1991, theorem 1]
-//! `F = T·D_w − M*·D_z·M − j·(G·M − M*·G) > 0`, T = β² on every block (or 1 on blocks of fixed size).
+//! `F = t·D_w − M*·D_z·M − j·(G·M − M*·G) > 0`, t = β².
 //! F is linear in the entries of D and G. With F = L·L*, V = L⁻¹ and N = V·M*, the matrix that multiplies one unknown, seen in the metric
 //! of F, is a sum of a few outer products of columns of V and N; gradient and Hessian of −log det F are its trace and the Gram matrix of
 //! all of them. The Gram form keeps directions that hardly matter from drowning in the rounding of those that do.
@@ -49,8 +49,6 @@ impl Unknown {
 pub(crate) struct Lmi {
     pub(crate) M: CMatrix,
     pub(crate) placed: Vec<Placed>,
-    /// Per row of Δ: whether the block's size is measured (β multiplies it) or fixed to one.
-    is_measured: Vec<bool>,
     unknowns: Vec<Unknown>,
 }
 
@@ -67,10 +65,8 @@ pub(crate) struct Local {
 }
 
 impl Lmi {
-    /// `is_measured` holds one answer per block.
-    pub(crate) fn new(M: CMatrix, structure: &Structure, is_measured: &[bool]) -> Self {
+    pub(crate) fn new(M: CMatrix, structure: &Structure) -> Self {
         let placed = structure.placed();
-        let is_measured = placed.iter().zip(is_measured).flat_map(|(p, &m)| p.w.clone().map(move |_| m)).collect();
         let mut unknowns = Vec::new();
         for (k, p) in placed.iter().enumerate() {
             match p.block {
@@ -87,7 +83,7 @@ impl Lmi {
                 }
             }
         }
-        Self { M, placed, is_measured, unknowns }
+        Self { M, placed, unknowns }
     }
 
     /// The centre for t without end: G = 0, and D a number per block.
@@ -125,20 +121,10 @@ impl Lmi {
         let skew = G * &self.M;
         let mut F = self.M.adjoint() * (D_z * &self.M);
         F.iter_mut().for_each(|f| *f = -*f);
-        for p in &self.placed {
-            for i in p.w.clone() {
-                for j in p.w.clone() {
-                    F[(i, j)] += D_w[(i, j)] * self.t_of(t, i);
-                }
-            }
-        }
+        F.zip_apply(D_w, |f, d| *f += d * t);
         // -j(S - S*).
         let minus_j = Complex::new(0.0, -1.0);
         CMatrix::from_fn(F.nrows(), F.ncols(), |i, k| F[(i, k)] + minus_j * (skew[(i, k)] - skew[(k, i)].conj()))
-    }
-
-    fn t_of(&self, t: f64, row: usize) -> f64 {
-        if self.is_measured[row] { t } else { 1.0 }
     }
 
     /// Factors of the blocks of the barrier beside F: D, and the box around G of real blocks; none outside the domain.
@@ -183,15 +169,14 @@ impl Lmi {
         let mut J = DMatrix::zeros(n * n, self.unknowns.len());
         let mut gradient = self.weights();
         let mut gradient_t = DVector::zeros(self.unknowns.len());
-        let grown = CMatrix::from_fn(n, n, |i, j| if self.is_measured[i] { D_w[(i, j)] } else { Complex::new(0.0, 0.0) });
-        let grown = &V * grown * V.adjoint();
+        let grown = &V * D_w * V.adjoint();
         let grown_flat = flat(&grown);
         let share = grown.trace().re;
         for (a, u) in self.unknowns.iter().enumerate() {
-            let seen = self.in_metric(u, t, &V, &N);
+            let seen = in_metric(u, t, &V, &N);
             let column = flat(&seen);
             gradient[a] -= seen.trace().re;
-            gradient_t[a] = column.dot(&grown_flat) - self.own_t(u, &V);
+            gradient_t[a] = column.dot(&grown_flat) - own_t(u, &V);
             J.set_column(a, &column);
         }
         let mut hessian = J.tr_mul(&J);
@@ -200,36 +185,6 @@ impl Lmi {
             boxes += self.add_side(side, &mut gradient, &mut hessian);
         }
         Some(Local { gradient, hessian, gradient_t, gap: (self.weights().dot(x) + boxes) / share, P: V.adjoint() * V })
-    }
-
-    /// V·F_u·V* for the matrix F_u that multiplies one unknown.
-    fn in_metric(&self, u: &Unknown, t: f64, V: &CMatrix, N: &CMatrix) -> CMatrix {
-        let n = V.nrows();
-        let mut out = CMatrix::zeros(n, n);
-        match u.kind {
-            Kind::D => {
-                let t = self.t_of(t, u.w[0].0);
-                u.w.iter().for_each(|&(i, j, a)| add_outer(&mut out, a * t, V.column(i), V.column(j)));
-                u.z.iter().for_each(|&(i, j, a)| add_outer(&mut out, -a, N.column(i), N.column(j)));
-                out
-            }
-            Kind::G => {
-                let minus_j = Complex::new(0.0, -1.0);
-                for (&(i, _, a), &(_, j, _)) in u.w.iter().zip(&u.z) {
-                    add_outer(&mut out, minus_j * a, V.column(i), N.column(j));
-                }
-                let adjoint = out.adjoint();
-                out + adjoint
-            }
-        }
-    }
-
-    /// Trace of F⁻¹ with the derivative of F_u along t.
-    fn own_t(&self, u: &Unknown, V: &CMatrix) -> f64 {
-        if u.kind == Kind::G || !self.is_measured[u.w[0].0] {
-            return 0.0;
-        }
-        u.w.iter().map(|&(i, j, a)| (a * V.column(j).dotc(&V.column(i))).re).sum()
     }
 
     /// Adds the part of one block of the barrier beside F; returns its share in the distance to the smallest t.
@@ -254,6 +209,35 @@ impl Lmi {
         }
         if side.kind == Kind::G { G_BOX * V.norm_squared() } else { 0.0 }
     }
+}
+
+/// V·F_u·V* for the matrix F_u that multiplies one unknown.
+fn in_metric(u: &Unknown, t: f64, V: &CMatrix, N: &CMatrix) -> CMatrix {
+    let n = V.nrows();
+    let mut out = CMatrix::zeros(n, n);
+    match u.kind {
+        Kind::D => {
+            u.w.iter().for_each(|&(i, j, a)| add_outer(&mut out, a * t, V.column(i), V.column(j)));
+            u.z.iter().for_each(|&(i, j, a)| add_outer(&mut out, -a, N.column(i), N.column(j)));
+            out
+        }
+        Kind::G => {
+            let minus_j = Complex::new(0.0, -1.0);
+            for (&(i, _, a), &(_, j, _)) in u.w.iter().zip(&u.z) {
+                add_outer(&mut out, minus_j * a, V.column(i), N.column(j));
+            }
+            let adjoint = out.adjoint();
+            out + adjoint
+        }
+    }
+}
+
+/// Trace of F⁻¹ with the derivative of F_u along t.
+fn own_t(u: &Unknown, V: &CMatrix) -> f64 {
+    if u.kind == Kind::G {
+        return 0.0;
+    }
+    u.w.iter().map(|&(i, j, a)| (a * V.column(j).dotc(&V.column(i))).re).sum()
 }
 
 /// Factor of one block of the barrier beside F.

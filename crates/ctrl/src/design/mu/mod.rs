@@ -11,6 +11,7 @@ use core::fmt;
 mod ascent;
 mod balance;
 mod certificate;
+mod gain;
 mod hermitian;
 mod interval;
 mod lmi;
@@ -24,6 +25,7 @@ mod system;
 mod upper;
 
 pub use certificate::Certificate;
+pub use gain::{Gain, Performance, worst_case_gain};
 pub use lower::{LowerBound, lower_bound};
 pub use perturbation::{Perturbation, SINGULAR, Value};
 pub use response::{Constant, Response};

@@ -4,6 +4,7 @@ use alloc::vec::Vec;
 
 use nalgebra::{Complex, DVector};
 
+use super::ascent::eigenvalues;
 use super::structure::{Placed, Structure};
 use super::{Block, CMatrix};
 
@@ -37,7 +38,8 @@ pub struct Perturbation {
     pub blocks: Vec<Value>,
     /// Size of the largest block; its inverse is a lower bound of μ.
     pub size: f64,
-    /// Smallest singular value of I − M·Δ as a share of 1 + σ(M·Δ): how singular it is, 0 at best.
+    /// How far from singular I − M·Δ is, 0 at best: the larger of its smallest singular value as a share of 1 + σ(M·Δ), in balanced
+    /// coordinates, and the distance of the nearest eigenvalue of M·Δ from one.
     pub singularity: f64,
 }
 
@@ -51,8 +53,10 @@ impl Perturbation {
         let mut out = Self { blocks, size, singularity: f64::INFINITY };
         let product = M * out.delta(structure);
         let largest = largest_singular_value(&product);
-        let loop_ = CMatrix::identity(product.nrows(), product.nrows()) - product;
-        out.singularity = singular_values(&loop_).iter().copied().fold(f64::INFINITY, f64::min) / (1.0 + largest);
+        let loop_ = CMatrix::identity(product.nrows(), product.nrows()) - &product;
+        let smallest = singular_values(&loop_).iter().copied().fold(f64::INFINITY, f64::min) / (1.0 + largest);
+        let away = |l: Complex<f64>| pkm_dyn::math::hypot(l.re - 1.0, l.im);
+        out.singularity = eigenvalues(&product).into_iter().map(away).fold(f64::INFINITY, f64::min).max(smallest);
         out
     }
 
@@ -115,13 +119,12 @@ pub(crate) fn apply(parts: &[Part], placed: &[Placed], M: &CMatrix) -> CMatrix {
 
 /// A part of size one (or a real one within its bounds) for a block, that sends z_k along x_k as nearly as its kind allows.
 pub(crate) fn sending(block: Block, z: &DVector<Complex<f64>>, x: &DVector<Complex<f64>>, beta: f64) -> Part {
-    let inner = z.dotc(x);
     match block {
         Block::Real { .. } => {
             let square = z.norm_squared();
-            Part::Real(if square > 0.0 { (beta * inner.re / square).clamp(-1.0, 1.0) } else { 1.0 })
+            Part::Real(if square > 0.0 { (beta * z.dotc(x).re / square).clamp(-1.0, 1.0) } else { 1.0 })
         }
-        Block::Complex { .. } => Part::Phase(unit(inner)),
+        Block::Complex { .. } => Part::Phase(unit(z.dotc(x))),
         Block::Full { .. } => Part::Pair(normalised(x.clone()), normalised(z.clone())),
     }
 }

@@ -9,7 +9,7 @@ use alloc::vec::Vec;
 use nalgebra::{Cholesky, Complex, DVector};
 
 use super::balance::{Balanced, balance};
-use super::certificate::{Certificate, Sizes};
+use super::certificate::Certificate;
 use super::lmi::{Lmi, Local};
 use super::structure::Structure;
 use super::{CMatrix, MuError};
@@ -55,13 +55,12 @@ pub enum UpperStatus {
 /// A matrix that does not fit the structure or holds what is no number.
 pub fn upper_bound(M: &CMatrix, structure: &Structure) -> Result<UpperBound, MuError> {
     structure.check(M)?;
-    let all = alloc::vec![true; structure.blocks().len()];
     let balanced = balance(M, &structure.placed());
-    let lmi = Lmi::new(balanced.M.clone(), structure, &all);
+    let lmi = Lmi::new(balanced.M.clone(), structure);
     let x = lmi.start();
     let t = start_t(&lmi, &x);
     let end = follow(&lmi, x, t, 0.0);
-    let certificate = prove(M, structure, &balanced, (&lmi, &end), Sizes { is_measured: &all });
+    let certificate = prove(M, structure, &balanced, (&lmi, &end));
     Ok(UpperBound { certificate, status: end.status, steps: end.steps, directions: directions(&end) })
 }
 
@@ -71,9 +70,8 @@ pub fn upper_bound(M: &CMatrix, structure: &Structure) -> Result<UpperBound, MuE
 /// A matrix that does not fit the structure or holds what is no number.
 pub fn scalings_for(M: &CMatrix, structure: &Structure, beta: f64) -> Result<Option<Certificate>, MuError> {
     structure.check(M)?;
-    let all = alloc::vec![true; structure.blocks().len()];
     let balanced = balance(M, &structure.placed());
-    let lmi = Lmi::new(balanced.M.clone(), structure, &all);
+    let lmi = Lmi::new(balanced.M.clone(), structure);
     let goal = (beta / balanced.size) * (beta / balanced.size);
     let x = lmi.start();
     let t = start_t(&lmi, &x).max(goal);
@@ -82,7 +80,7 @@ pub fn scalings_for(M: &CMatrix, structure: &Structure, beta: f64) -> Result<Opt
         return Ok(None);
     }
     let certificate = unbalance(&balanced, structure, &lmi, &end.x, beta);
-    Ok(certificate.holds_for(M, structure, Sizes { is_measured: &all }).then_some(certificate))
+    Ok(certificate.holds(M, structure).then_some(certificate))
 }
 
 /// Where the path was left.
@@ -218,9 +216,9 @@ fn unbalance(balanced: &Balanced, structure: &Structure, lmi: &Lmi, x: &DVector<
 }
 
 /// The smallest β near the end of the path that can be proved with its scalings.
-fn prove(M: &CMatrix, structure: &Structure, balanced: &Balanced, (lmi, end): (&Lmi, &End), sizes: Sizes<'_>) -> Certificate {
+fn prove(M: &CMatrix, structure: &Structure, balanced: &Balanced, (lmi, end): (&Lmi, &End)) -> Certificate {
     let zero = unbalance(balanced, structure, lmi, &end.x, 0.0);
-    if zero.holds_for(M, structure, sizes) {
+    if zero.holds(M, structure) {
         return zero;
     }
     // The last point, or the last one before rounding took over.
@@ -230,21 +228,21 @@ fn prove(M: &CMatrix, structure: &Structure, balanced: &Balanced, (lmi, end): (&
         let beta = t.max(0.0).sqrt() * balanced.size;
         for slack in [1e-13, 1e-11, 1e-9, 1e-8, 1e-7, 1e-6] {
             certificate.beta = beta * (1.0 + slack);
-            if certificate.holds_for(M, structure, sizes) {
+            if certificate.holds(M, structure) {
                 return certificate;
             }
         }
     }
-    plain(M, structure, sizes)
+    plain(M, structure)
 }
 
 /// Proof by the norm of M alone: D = I, G = 0. What is left when nothing else can be proved.
-fn plain(M: &CMatrix, structure: &Structure, sizes: Sizes<'_>) -> Certificate {
+fn plain(M: &CMatrix, structure: &Structure) -> Certificate {
     let (n_w, n_z) = (structure.n_w(), structure.n_z());
     let norm = M.iter().map(|m| m.norm_sqr()).sum::<f64>().sqrt();
     let (d_w, d_z) = (CMatrix::identity(n_w, n_w), CMatrix::identity(n_z, n_z));
     let mut certificate = Certificate { beta: norm * (1.0 + 1e-12), d_w, d_z, g: CMatrix::zeros(n_w, n_z) };
-    while !certificate.holds_for(M, structure, sizes) && certificate.beta.is_finite() {
+    while !certificate.holds(M, structure) && certificate.beta.is_finite() {
         certificate.beta = certificate.beta * (1.0 + 1e-9) + f64::MIN_POSITIVE;
     }
     certificate
@@ -253,7 +251,7 @@ fn plain(M: &CMatrix, structure: &Structure, sizes: Sizes<'_>) -> Certificate {
 /// Eigenvectors of the multiplier F⁻¹, largest first, in balanced coordinates.
 fn directions(end: &End) -> CMatrix {
     let eigen = end.P.clone().symmetric_eigen();
-    let mut order: alloc::vec::Vec<usize> = (0..eigen.eigenvalues.len()).collect();
+    let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
     CMatrix::from_fn(order.len(), order.len(), |i, j| eigen.eigenvectors[(i, order[j])])
 }
