@@ -8,4 +8,5 @@ mod page;
 mod tables;
 
 pub(crate) use escape::{esc, num};
+pub(crate) use page::STYLE;
 pub use page::html;

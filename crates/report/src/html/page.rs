@@ -6,8 +6,8 @@ use pkm_diagnose::verdict::Status;
 use super::{esc, findings, joints, numbers, tables};
 use crate::words;
 
-/// Style sheet of the page.
-const STYLE: &str = include_str!("style.css");
+/// Style sheet of every page.
+pub(crate) const STYLE: &str = include_str!("style.css");
 
 /// The diagnosis as one self-contained HTML page: no network, no script, pictures inline.
 ///

@@ -10,6 +10,7 @@ mod plot;
 mod scatter;
 
 pub(crate) use axis::Axis;
+pub use axis::Scale;
 pub(crate) use bars::bar;
 pub(crate) use line::{decimate, path, spans};
 pub(crate) use plot::{Frame, Plot};
