@@ -50,7 +50,12 @@ fn swept(system: &StateSpace, blocks: &[Block], range: [f64; 2], slack: f64) -> 
     let out = sweep(system, &structure(blocks), range, &settings).expect("a system that can be analysed");
     println!(
         "margin {:.10} .. {:.10}, w {:.8}, {:?}, {} intervals, {} points",
-        1.0 / out.upper, 1.0 / out.worst.beta, out.worst.w, out.guarantee, out.segments.len(), out.points.len()
+        1.0 / out.upper,
+        1.0 / out.worst.beta,
+        out.worst.w,
+        out.guarantee,
+        out.segments.len(),
+        out.points.len()
     );
     assert_eq!(out.guarantee, Guarantee::Interval(range));
     assert!(out.worst.beta <= out.upper);
@@ -241,11 +246,7 @@ fn l3_of_robust_and_optimal_control_jl_beats_the_default_upper_bound_of_matlab()
 
 /// de Gaston and Safonov: s(s+4+.2e2)(s+6+.3e3)(s+10) + 800(1+.1e1)(s+2), three real parameters.
 fn de_gaston_safonov() -> StateSpace {
-    let a = DMatrix::from_row_slice(
-        4,
-        4,
-        &[0.0, 0.0, -800.0, 6400.0, 1.0, -4.0, 0.0, 0.0, 0.0, 1.0, -6.0, 0.0, 0.0, 0.0, 1.0, -10.0],
-    );
+    let a = DMatrix::from_row_slice(4, 4, &[0.0, 0.0, -800.0, 6400.0, 1.0, -4.0, 0.0, 0.0, 0.0, 1.0, -6.0, 0.0, 0.0, 0.0, 1.0, -10.0]);
     let b = DMatrix::from_row_slice(4, 3, &[80.0, 0.0, 0.0, 0.0, -0.2, 0.0, 0.0, 0.0, -0.3, 0.0, 0.0, 0.0]);
     let c = DMatrix::from_row_slice(3, 4, &[0.0, 0.0, -1.0, 8.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
     StateSpace::try_new([a, b, c, DMatrix::zeros(3, 3)], None).expect("dimensions")

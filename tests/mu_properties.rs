@@ -161,7 +161,8 @@ fn it_grows_when_a_real_block_becomes_complex_and_a_scalar_full() {
 #[test]
 fn up_to_three_complex_full_blocks_leave_no_gap() {
     let mut draw = Draw(6);
-    let shapes: [&[Block]; 5] = [&[C, C, C], &[full(2), C, full(2)], &[full(3), full(2)], &[Block::Complex { repeats: 3 }, full(2)], &[full(2), full(2), full(2)]];
+    let shapes: [&[Block]; 5] =
+        [&[C, C, C], &[full(2), C, full(2)], &[full(3), full(2)], &[Block::Complex { repeats: 3 }, full(2)], &[full(2), full(2), full(2)]];
     for blocks in shapes {
         for _ in 0..6 {
             let s = structure(blocks);
@@ -280,6 +281,11 @@ fn every_call_ends_with_a_proof() {
         steps.push(bound.steps);
     }
     steps.sort_unstable();
-    println!("{n} calls: slowest {:.1} ms ({slowest_blocks:?}), {stopped} stopped early, steps median {} most {}", 1e3 * slowest, steps[n / 2], steps[n - 1]);
+    println!(
+        "{n} calls: slowest {:.1} ms ({slowest_blocks:?}), {stopped} stopped early, steps median {} most {}",
+        1e3 * slowest,
+        steps[n / 2],
+        steps[n - 1]
+    );
     assert!(slowest < 60.0);
 }

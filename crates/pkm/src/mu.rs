@@ -8,8 +8,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use pkm_ctrl::design::mu::{
-    CMatrix, Certificate, Gain, Guarantee, LowerBound, Settings, StateSpace, Structure, Sweep, UpperStatus, lower_bound, sweep, upper_bound,
-    worst_case_gain,
+    CMatrix, Certificate, Gain, Guarantee, LowerBound, Settings, StateSpace, Structure, Sweep, UpperStatus, lower_bound, sweep,
+    upper_bound, worst_case_gain,
 };
 
 use crate::out;

@@ -94,7 +94,7 @@ def compare(n):
         answer = child.ask(matrix, blocks)
         named = [{"kind": "real"} if kind == "real" else {"kind": "full", "rows": size, "cols": size} for kind, size in blocks]
         start = time.perf_counter()
-        upper = pkm.mu_upper(matrix, named)
+        upper = pkm.mu(matrix, named, bounds="upper").upper
         own_s = time.perf_counter() - start
         bounds = pkm.mu(matrix, named)
         assert bounds.lower <= bounds.upper * (1 + 1e-12), "bounds cross"

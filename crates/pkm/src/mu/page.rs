@@ -2,9 +2,9 @@
 
 use pkm_report::{Curve, Figure, Ink, Scale, Sheet, Table, Tone, sheet};
 
+use super::Found;
 use super::file::Problem;
 use super::text::{answer, digits, guarantee, interval, perturbation, subject};
-use super::Found;
 use pkm_ctrl::design::mu::{Guarantee, Sweep};
 
 /// The page as HTML.
@@ -22,9 +22,10 @@ pub(super) fn html(problem: &Problem, found: &Found) -> String {
         answer: format!("{} {}.", answer(found), subject(problem)),
         figures: found.sweep.iter().map(|s| figure(s, found)).collect(),
         tables: tables(problem, found),
-        footer: "Upper bounds are proved by scalings whose inequality is checked with a bound on every rounding; lower bounds are shown by \
+        footer:
+            "Upper bounds are proved by scalings whose inequality is checked with a bound on every rounding; lower bounds are shown by \
                  perturbations that were put into the loop and found to make it singular."
-            .to_string(),
+                .to_string(),
     };
     sheet(&sheet_of)
 }
@@ -36,7 +37,8 @@ fn figure(s: &Sweep, found: &Found) -> Figure {
         points: s.points.iter().map(|p| (p.w, of(p))).collect(),
     };
     let ends: Vec<f64> = s.points.iter().map(|p| p.w).filter(|w| *w > 0.0 && w.is_finite()).collect();
-    let mut curves = vec![curve("lower bound at points", Ink::Second, |p| p.lower), curve("upper bound at points", Ink::First, |p| p.upper)];
+    let mut curves =
+        vec![curve("lower bound at points", Ink::Second, |p| p.lower), curve("upper bound at points", Ink::First, |p| p.upper)];
     let mut shaded = (String::new(), Vec::new());
     match &s.guarantee {
         Guarantee::Interval(range) => {

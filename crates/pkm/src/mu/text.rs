@@ -5,8 +5,8 @@ use core::fmt::Write as _;
 use pkm_ctrl::design::mu::{Block, CMatrix, Certificate, Guarantee, UpperStatus, Value};
 use serde_json::{Value as Json, json};
 
-use super::file::{Meaning, Problem, Subject};
 use super::Found;
+use super::file::{Meaning, Problem, Subject};
 use crate::out::{number, table};
 
 /// Six digits: bounds that agree to four are told apart.

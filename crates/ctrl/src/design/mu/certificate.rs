@@ -87,9 +87,7 @@ impl Certificate {
         let quadratic = M.adjoint() * (&self.d_z * M);
         let skew = &self.g * M;
         let j = Complex::new(0.0, 1.0);
-        let F = CMatrix::from_fn(n, n, |r, c| {
-            self.d_w[(r, c)] * t - quadratic[(r, c)] - j * (skew[(r, c)] - skew[(c, r)].conj())
-        });
+        let F = CMatrix::from_fn(n, n, |r, c| self.d_w[(r, c)] * t - quadratic[(r, c)] - j * (skew[(r, c)] - skew[(c, r)].conj()));
         // Every entry is a sum of products; with |x| <= |re| + |im| the error of each sum of K terms is below 4·K·u times the sum of
         // moduli, two products deep.
         let size = |A: &CMatrix| DMatrix::from_fn(A.nrows(), A.ncols(), |r, c| A[(r, c)].re.abs() + A[(r, c)].im.abs());

@@ -191,7 +191,8 @@ impl Lmi {
     fn add_side(&self, side: &Side, gradient: &mut DVector<f64>, hessian: &mut DMatrix<f64>) -> f64 {
         let w = self.placed[side.block].w.start;
         let V = inverse_lower(&side.L);
-        let own: Vec<usize> = (0..self.unknowns.len()).filter(|&a| self.unknowns[a].block == side.block && self.unknowns[a].kind == side.kind).collect();
+        let own: Vec<usize> =
+            (0..self.unknowns.len()).filter(|&a| self.unknowns[a].block == side.block && self.unknowns[a].kind == side.kind).collect();
         let mut columns = Vec::with_capacity(own.len());
         for &a in &own {
             let u = &self.unknowns[a];

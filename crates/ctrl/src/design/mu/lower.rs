@@ -153,7 +153,8 @@ fn starts(M: &CMatrix, placed: &[Placed], upper: &UpperBound) -> Vec<Vec<Part>> 
     let column = |k: usize| upper.directions.column(k).into_owned();
     let direct = |b: &DVector<Complex<f64>>| -> Vec<Part> {
         let z = M * b;
-        let part = |p: &Placed| sending(p.block, &z.rows(p.z.start, p.z.len()).into_owned(), &b.rows(p.w.start, p.w.len()).into_owned(), beta);
+        let part =
+            |p: &Placed| sending(p.block, &z.rows(p.z.start, p.z.len()).into_owned(), &b.rows(p.w.start, p.w.len()).into_owned(), beta);
         placed.iter().map(part).collect()
     };
     let mut out = alloc::vec![direct(&column(0)), power_iteration(M, placed, column(0))];

@@ -25,7 +25,12 @@ pub(crate) fn power_iteration(M: &CMatrix, placed: &[Placed], b: DVector<Complex
         for (k, p) in placed.iter().enumerate() {
             let (a_k, w_k) = (a.rows(p.z.start, p.z.len()), w.rows(p.w.start, p.w.len()));
             let z_k = match p.block {
-                Block::Real { .. } => w_k * Complex::new(real_value(&mut q[k], &b.rows(p.w.start, p.w.len()).into_owned(), &a_k.into_owned(), &w_k.into_owned()), 0.0),
+                Block::Real { .. } => {
+                    w_k * Complex::new(
+                        real_value(&mut q[k], &b.rows(p.w.start, p.w.len()).into_owned(), &a_k.into_owned(), &w_k.into_owned()),
+                        0.0,
+                    )
+                }
                 Block::Complex { .. } => w_k * unit(w_k.dotc(&a_k)),
                 Block::Full { .. } => normalised(a_k.into_owned()) * Complex::new(w_k.norm_squared().sqrt(), 0.0),
             };
@@ -35,7 +40,12 @@ pub(crate) fn power_iteration(M: &CMatrix, placed: &[Placed], b: DVector<Complex
         for (k, p) in placed.iter().enumerate() {
             let (a_k, w_k) = (a.rows(p.z.start, p.z.len()), w.rows(p.w.start, p.w.len()));
             let b_k = match p.block {
-                Block::Real { .. } => a_k * Complex::new(real_value(&mut q[k], &b.rows(p.w.start, p.w.len()).into_owned(), &a_k.into_owned(), &w_k.into_owned()), 0.0),
+                Block::Real { .. } => {
+                    a_k * Complex::new(
+                        real_value(&mut q[k], &b.rows(p.w.start, p.w.len()).into_owned(), &a_k.into_owned(), &w_k.into_owned()),
+                        0.0,
+                    )
+                }
                 Block::Complex { .. } => a_k * unit(a_k.dotc(&w_k)),
                 Block::Full { .. } => normalised(w_k.into_owned()) * Complex::new(a_k.norm_squared().sqrt(), 0.0),
             };

@@ -136,7 +136,7 @@ pub(crate) fn follow(lmi: &Lmi, mut x: DVector<f64>, mut t: f64, goal: f64) -> E
         }
         match centre(lmi, &x, t, (&newton, decrement)) {
             Some(next) => x = next,
-            None => { break }
+            None => break,
         }
     }
     end
@@ -154,9 +154,8 @@ impl Newton {
         let scale = DVector::from_iterator(H.nrows(), H.diagonal().iter().map(|h| 1.0 / h.sqrt()));
         // A touch of regularisation where rounding near the end of the path needs it.
         [0.0, 1e-14, 1e-12, 1e-10].iter().find_map(|add| {
-            let scaled = nalgebra::DMatrix::from_fn(H.nrows(), H.ncols(), |i, j| {
-                H[(i, j)] * scale[i] * scale[j] + if i == j { *add } else { 0.0 }
-            });
+            let scaled =
+                nalgebra::DMatrix::from_fn(H.nrows(), H.ncols(), |i, j| H[(i, j)] * scale[i] * scale[j] + if i == j { *add } else { 0.0 });
             Some(Self { factor: Cholesky::new(scaled)?, scale: scale.clone() })
         })
     }
