@@ -3,7 +3,8 @@
 //! With D, G and β frozen, `Φ(jw) = β²·D_w − M(jw)*·D_z·M(jw) − j·(G·M(jw) − M(jw)*·G)` can lose positive definiteness only at a frequency
 //! where it is singular, and those are the imaginary eigenvalues of one Hamiltonian matrix [BoydBalakrishnanKabamba1989;
 //! Ferreres2003 for D and G]. Eigenvalues anywhere near the axis count as suspects and are examined one by one, so rounding can shorten an
-//! interval but not lengthen it.
+//! interval but not lengthen it. This is floating-point arithmetic with wide tolerances, not a proof in the sense of
+//! [`Certificate::holds`](super::Certificate::holds).
 
 use alloc::vec::Vec;
 
@@ -29,12 +30,15 @@ pub(crate) struct Prover<'a> {
     B: CMatrix,
     C: CMatrix,
     D: CMatrix,
+    /// Imaginary parts of the poles.
+    resonances: Vec<f64>,
 }
 
 impl<'a> Prover<'a> {
     pub(crate) fn new(system: &'a StateSpace) -> Self {
         let [a, b, c, d] = system.matrices();
-        Self { system, A: complex(a), B: complex(b), C: complex(c), D: complex(d) }
+        let resonances = system.poles().iter().map(|p| p.im).filter(|w| *w > 0.0).collect();
+        Self { system, A: complex(a), B: complex(b), C: complex(c), D: complex(d), resonances }
     }
 
     /// The largest interval found around `w` on which the scalings prove their level; none when they do not prove it at `w`.
@@ -48,7 +52,27 @@ impl<'a> Prover<'a> {
         let Some(suspects) = self.suspects(proof) else { return Some([w, w]) };
         let below: Vec<f64> = suspects.iter().copied().filter(|s| *s < w).rev().chain([0.0]).collect();
         let above: Vec<f64> = suspects.iter().copied().filter(|s| *s > w).chain([f64::INFINITY]).collect();
-        Some([self.reach(proof, w, &below), self.reach(proof, w, &above)])
+        let [mut low, mut high] = [self.reach(proof, w, &below), self.reach(proof, w, &above)];
+        // A crossing that the eigenvalues missed would be a mistake of theirs; resonances and a few points between are looked at as well.
+        for s in self.samples(w, [low, high]) {
+            if !self.is_proved_at(proof, s) {
+                if s < w { low = low.max(between(s, w)) } else { high = high.min(between(w, s)) }
+            }
+        }
+        Some([low, high])
+    }
+
+    /// Resonances and a few frequencies between the ends of an interval around `w`.
+    fn samples(&self, w: f64, [low, high]: [f64; 2]) -> Vec<f64> {
+        let mut out: Vec<f64> = self.resonances.iter().copied().filter(|s| *s > low && *s < high).collect();
+        for end in [low, high] {
+            let mut s = end;
+            for _ in 0..4 {
+                s = between(s, w);
+                out.push(s);
+            }
+        }
+        out
     }
 
     /// Whether the inequality holds at one frequency, infinity included.

@@ -24,8 +24,9 @@ const GAP: f64 = 3.0e-7;
 /// rounding leaves nothing to prove.
 const NEGLIGIBLE: f64 = 1.0e-11;
 
-/// Newton decrement below which a point counts as central enough to go on.
-const CENTRAL: f64 = 0.6;
+/// Newton decrement below which a point counts as central enough to go on, and to believe in the distance to the end.
+const CENTRAL: f64 = 1.3;
+const CLOSE: f64 = 0.6;
 
 /// Upper bound of μ with its proof.
 #[derive(Debug, Clone, PartialEq)]
@@ -119,11 +120,12 @@ pub(crate) fn follow(lmi: &Lmi, mut x: DVector<f64>, mut t: f64, goal: f64) -> E
         (end.x, end.t, end.steps, end.P) = (x.clone(), t, step, local.P.clone());
         let is_central = decrement < CENTRAL;
         let is_at_goal = t <= goal;
-        if is_central && (local.gap <= GAP * t || t <= negligible || is_at_goal && decrement < 0.1) {
+        let is_near_end = local.gap <= GAP * t || t <= negligible;
+        if is_near_end && decrement < CLOSE || is_at_goal && decrement < 0.1 {
             end.status = UpperStatus::Optimal;
             break;
         }
-        if is_central && !is_at_goal {
+        if is_central && !is_at_goal && !is_near_end {
             end.path.push((x.clone(), t));
             let tangent = equations.minus_solve(&local.gradient_t);
             // The gap is a bound; from one centre to the next it shrinks in proportion, which tells how far off it is.
