@@ -11,6 +11,7 @@ from .evidence import Evidence
 from .verdict import Finding, Verdict
 
 __all__ = [
+    "Mu",
     "Recording",
     "Report",
     "Robot",
@@ -19,6 +20,7 @@ __all__ = [
     "effects",
     "load",
     "load_shipped",
+    "mu",
     "read",
     "shipped_names",
     "simulate",
@@ -358,3 +360,64 @@ def diagnose(
     progress: Callable[[float], object] | None = None,
 ) -> Report:
     """Compares recordings with the robot's model: where they differ, which physics is missing, how much, how much better it fits."""
+
+@type_check_only
+class UncertaintyKind(TypedDict):
+    """What every block of an uncertainty says."""
+
+    kind: Literal["real", "complex", "full"]
+
+@type_check_only
+class UncertaintyBlock(UncertaintyKind, total=False):
+    """One block of an uncertainty: `repeats` of scalars, `rows` and `cols` of a full block; 1 by default."""
+
+    repeats: int
+    rows: int
+    cols: int
+
+@final
+class Mu:
+    """Bounds of the structured singular value, with what shows them. It never changes."""
+
+    @property
+    def upper(self) -> float:
+        """Upper bound, proved."""
+
+    @property
+    def lower(self) -> float:
+        """Lower bound, shown by `worst`; 0 where no perturbation was found or looked for."""
+
+    @property
+    def w(self) -> float | None:
+        """Frequency at which `worst` acts [rad/s]; None of a matrix."""
+
+    @property
+    def guaranteed(self) -> tuple[float, float] | None:
+        """Range of frequencies [rad/s] on all of which `upper` holds; None of a matrix, and where only points are known."""
+
+    @property
+    def worst(self) -> list[float | complex | NDArray[numpy.complex128]] | None:
+        """The worst perturbation found: one float, complex or array per block; None where there is none."""
+
+    @property
+    def frequencies(self) -> NDArray[numpy.float64]:
+        """Frequencies of the points [rad/s]."""
+
+    @property
+    def uppers(self) -> NDArray[numpy.float64]:
+        """Upper bounds at the points."""
+
+    @property
+    def lowers(self) -> NDArray[numpy.float64]:
+        """Lower bounds at the points."""
+
+def mu(
+    system: ArrayLike | tuple[ArrayLike, ArrayLike, ArrayLike, ArrayLike],
+    blocks: Sequence[UncertaintyBlock],
+    *,
+    dt: float | None = None,
+    frequencies: tuple[float, float] | None = None,
+    bounds: Literal["both", "upper"] | None = None,
+    slack: float | None = None,
+) -> Mu:
+    """Bounds the structured singular value of a complex matrix, or of a system (A, B, C, D) over a range of frequencies."""

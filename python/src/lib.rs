@@ -12,6 +12,7 @@ mod error;
 mod evidence;
 mod mechanics;
 mod motion;
+mod mu;
 mod recording;
 mod robots;
 mod simulation;
@@ -26,6 +27,8 @@ mod _pkm {
     use super::diagnosis::{Report, diagnose};
     #[pymodule_export]
     use super::dynamics::{Robot, effects, load};
+    #[pymodule_export]
+    use super::mu::{Mu, mu};
     #[pymodule_export]
     use super::recording::{Recording, read, write};
     #[pymodule_export]

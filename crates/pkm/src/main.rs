@@ -9,6 +9,7 @@ mod diagnose;
 mod diagnosis;
 mod effects;
 mod export;
+mod mu;
 mod out;
 mod outputs;
 mod progress;
@@ -48,6 +49,9 @@ Handle recordings:
 Find missing physics:
   diagnose    Locate, name and size what a robot file leaves out of its recordings
   trial-null  Diagnose the same runs with nothing missing: how often is something found?
+
+Analyse a control loop:
+  mu          Bound the structured singular value: how much uncertainty a loop survives
 
 See it work:
   demo        Conceal an effect in a simulated robot and find it again; needs no files
@@ -94,6 +98,8 @@ enum Verb {
     Diagnose(diagnose::Args),
     /// Diagnose the same runs with nothing missing: how often is something found?
     TrialNull(trial_null::Args),
+    /// Bound the structured singular value: how much uncertainty a loop survives.
+    Mu(mu::Args),
     /// Conceal an effect in a simulated robot and find it again.
     Demo(demo::Args),
 }
@@ -113,6 +119,7 @@ fn main() -> ExitCode {
         Verb::Convert(args) => convert::run(args),
         Verb::Diagnose(args) => diagnose::run(args),
         Verb::TrialNull(args) => trial_null::run(args),
+        Verb::Mu(args) => mu::run(args),
         Verb::Demo(args) => demo::run(args),
     }));
     match result {

@@ -9,5 +9,6 @@ mod tables;
 mod workspace;
 
 pub(crate) use escape::{esc, num};
+pub(crate) use page::STYLE;
 pub use page::html;
 pub use workspace::workspace_html;

@@ -7,7 +7,7 @@ use super::{esc, findings, joints, numbers, tables};
 use crate::words;
 
 /// Style sheet of every page.
-pub(super) const STYLE: &str = include_str!("style.css");
+pub(crate) const STYLE: &str = include_str!("style.css");
 
 /// The diagnosis as one self-contained HTML page: no network, no script, pictures inline.
 ///

@@ -11,6 +11,7 @@ mod plot;
 mod scatter;
 
 pub(crate) use axis::Axis;
+pub use axis::Scale;
 pub(crate) use bars::bar;
 pub(crate) use heat::{Grid, LEVELS, cross};
 pub(crate) use line::{decimate, path, spans};
