@@ -132,7 +132,8 @@ mod tests {
     use nalgebra::DMatrix;
 
     fn hermitian(n: usize, shift: f64) -> CMatrix {
-        let x = |i: usize, j: usize| pkm_dyn::math::sin((i * 7 + j * 3 + 1) as f64);
+        // Not a sine of a sum of the indices alone: that would be of rank two.
+        let x = |i: usize, j: usize| pkm_dyn::math::sin((i * 7 + j * 3 + i * i * j * j + 1) as f64);
         let B = CMatrix::from_fn(n, n, |i, j| Complex::new(x(i, j), x(j, i + 5)));
         B.adjoint() * &B + CMatrix::identity(n, n) * Complex::new(shift, 0.0)
     }
