@@ -5,7 +5,7 @@
 use nalgebra::{DMatrix, DVector, Vector3};
 use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, inverse_dynamics};
 use pkm_dyn::kinematics::world_velocities;
-use pkm_dyn::loops::{assemble, loop_drift, loop_gap, reduction, solve_positions, walk_to};
+use pkm_dyn::loops::{assemble, loop_drift, loop_gap, solve_positions, walk_to};
 use pkm_dyn::model::{JointKind, LoopClosure, ModelBuilder};
 use pkm_dyn::regressor::joint_torque_regressor;
 use pkm_dyn::rnea::rnea;
@@ -322,8 +322,7 @@ fn slope(model: &Model, data: &mut Data, motion: &Motion, t: f64, q: &[f64]) -> 
     // Factors the Jacobian at the true positions; the correction it makes to q is far below the integrator's error.
     let drives: Vec<f64> = model.actuators.iter().map(|&j| q[j]).collect();
     assert!(solve_positions(model, data, &drives).is_closed);
-    let g = reduction(model, data);
-    (g * DVector::from_column_slice(&motion.at(t)[1])).as_slice().to_vec()
+    (&data.reduction * DVector::from_column_slice(&motion.at(t)[1])).as_slice().to_vec()
 }
 
 #[test]

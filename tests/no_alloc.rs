@@ -14,7 +14,7 @@ use pkm_dyn::energy::{center_of_mass, kinetic_energy, potential_energy};
 use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, friction_regressor, inverse_dynamics, loop_efforts, rigid_effort};
 use pkm_dyn::jacobian::{Reference, frame_jacobian, frame_jacobian_time_variation, joint_jacobians, motion_of};
 use pkm_dyn::loops::{
-    Coordinate, Guide, Output, Singularities, assemble, internal_efforts, joint_wrenches, loop_drift, loop_gap, loop_wrench, reduction,
+    Coordinate, Guide, Output, Singularities, assemble, internal_efforts, joint_wrenches, loop_drift, loop_gap, loop_wrench,
 };
 use pkm_dyn::model::FrameOnBody;
 use pkm_dyn::regressor::{joint_torque_regressor, kinetic_energy_regressor, potential_energy_regressor};
@@ -157,7 +157,6 @@ fn along_a_motion(model: &Model, draw: &mut Draw) -> usize {
             rigid_effort(model, &mut data);
             black_box(actuated_regressor(model, &mut data));
             let _ = black_box(inverse_dynamics(model, &mut data, q, v, a));
-            black_box(reduction(model, &mut data));
         }
         loop_gap(model, &mut data, &q_tree);
         loop_drift(model, &mut data);

@@ -56,11 +56,11 @@ pub(crate) fn accelerations(model: &Model, [q, v, tau]: [&Samples; 3]) -> Vec<f6
 
 /// Accelerations of the tree and efforts of the loops, loops closed: `n_samples × nv`, `n_samples × rows`.
 pub(crate) fn constrained(model: &Model, [q, v, tau]: [&Samples; 3]) -> Result<[Vec<f64>; 2], Open> {
-    let mut data = Data::with_choice(model, Choice::Freedoms);
+    let mut data = Data::with_choice(model, Choice::Pivoting);
     let mut out = [Vec::new(), Vec::new()];
     for i in 0..q.len() {
         let closure = constrained::forward_dynamics(model, &mut data, q.row(i), v.row(i), tau.row(i));
-        checked(model, closure, Some(i))?;
+        checked(&data, closure, Some(i))?;
         out[0].extend_from_slice(&data.a);
         out[1].extend_from_slice(&data.lambda);
     }

@@ -25,7 +25,9 @@ impl From<Open> for PyErr {
     fn from(open: Open) -> Self {
         let Closure { gap, row, rank, iterations, .. } = open.closure;
         let at = open.sample.map_or("assembly".to_string(), |i| format!("sample {i}"));
-        error::value(if rank < open.dependent {
+        error::value(if rank == open.dependent && gap < 1e-9 {
+            format!("{at}: not determined: a freedom has no inertia, or a number is not finite")
+        } else if rank < open.dependent {
             format!("{at}: the drives determine {rank} of {} passive joints here (all are needed; loops {gap:.3e} open)", open.dependent)
         } else {
             format!("{at}: loops stay {gap:.3e} m or rad open in constraint row {row} after {iterations} iterations (limit 1e-9)")
@@ -34,15 +36,15 @@ impl From<Open> for PyErr {
 }
 
 /// The closure's failure as an error that names the sample.
-pub(crate) fn checked(model: &Model, closure: Closure, sample: Option<usize>) -> Result<(), Open> {
-    if closure.is_closed { Ok(()) } else { Err(Open { sample, dependent: model.passive().len(), closure }) }
+pub(crate) fn checked(data: &Data, closure: Closure, sample: Option<usize>) -> Result<(), Open> {
+    if closure.is_closed { Ok(()) } else { Err(Open { sample, dependent: data.dependent.len(), closure }) }
 }
 
 /// Tree coordinates near the stated assembly with every loop closed.
 pub(crate) fn assembled(model: &Model) -> Result<Data, Open> {
     let mut data = Data::new(model);
     let closure = assemble(model, &mut data);
-    checked(model, closure, None)?;
+    checked(&data, closure, None)?;
     Ok(data)
 }
 
@@ -54,10 +56,10 @@ fn along(model: &Model, motion: &Motion, mut each: impl FnMut(&mut Data)) -> Res
         let is_far = model.actuators.iter().zip(q).any(|(&j, q)| (q - data.q[j]).abs() > FAR);
         if is_far {
             let closure = walk_to(model, &mut data, q);
-            checked(model, closure, Some(i))?;
+            checked(&data, closure, Some(i))?;
         }
         let closure = closed_loop_motion(model, &mut data, q, motion.v.row(i), motion.a.row(i));
-        checked(model, closure, Some(i))?;
+        checked(&data, closure, Some(i))?;
         each(&mut data);
     }
     Ok(())

@@ -10,7 +10,6 @@ use crate::model::{Compound, Model, Part};
 use crate::spatial::{log3, rotation_exp, skew};
 
 /// Moves tree coordinates `q` `[m | rad]` by a velocity held for unit time, `dv = v·dt` `[m | rad]`, nv each, in place.
-#[doc(alias = "neutral")]
 pub fn integrate(model: &Model, q: &mut [f64], dv: &[f64]) {
     for (i, joint) in model.joints.iter().enumerate() {
         match joint.part {
@@ -76,11 +75,17 @@ fn way(compound: Compound, from: &[f64], to: &[f64], dv: &mut [f64]) {
         }
         Compound::Planar => {
             let r = rotation_exp(&Vector3::new(0.0, 0.0, from[2]));
-            (Vector3::new(0.0, 0.0, to[2] - from[2]), Vector3::new(to[0] - from[0], to[1] - from[1], 0.0), r)
+            // Less than half a turn: farther round it is another way to the same place.
+            let turns = math::round((to[2] - from[2]) / core::f64::consts::TAU);
+            (
+                Vector3::new(0.0, 0.0, to[2] - from[2] - turns * core::f64::consts::TAU),
+                Vector3::new(to[0] - from[0], to[1] - from[1], 0.0),
+                r,
+            )
         }
         Compound::Free => (turn(from, to, 3), vector(to, 0) - vector(from, 0), rotation_exp(&vector(from, 3))),
     };
-    // The left Jacobian is far from singular below a whole turn; a log is at most half a turn, a planar angle may be any.
+    // The left Jacobian is far from singular below a whole turn; here there is at most half a one.
     let v = left_jacobian(&w).try_inverse().unwrap_or_else(Matrix3::identity) * (r.transpose() * step);
     if compound == Compound::Planar {
         dv.copy_from_slice(&[v.x, v.y, w.z]);

@@ -10,7 +10,7 @@ use crate::crba::composites;
 use crate::data::Data;
 use crate::inverse_dynamics::{tree_accelerations, tree_efforts};
 use crate::kinematics::{forward_kinematics, world_velocities};
-use crate::loops::{Closure, add_drift, close_at, expand, factor_at, loop_drift, reduced, reduction};
+use crate::loops::{Closure, add_drift, choose_anew, close_at, expand, factor_at, loop_drift, reduce, reduced};
 use crate::model::Model;
 use crate::small;
 
@@ -91,7 +91,7 @@ pub fn stabilised_forward_dynamics(
     reduced_mass_matrix(model, data);
     let Data { gram, reduced_mass_matrix, .. } = &mut *data;
     gram.copy_from(reduced_mass_matrix);
-    closure.is_closed &= small::cholesky(gram);
+    closure.is_closed &= small::cholesky(gram) && has_inertia(data);
     small::solve(&data.gram, &mut a_ind);
     accelerate(data, &a_ind);
     data.tau_ind = a_ind;
@@ -102,13 +102,23 @@ pub fn stabilised_forward_dynamics(
     closure
 }
 
+/// A freedom counts as without inertia below this share of the largest inertia in the tree: what is left of it is the square of rounding,
+/// while a spindle of a gram square millimetre beside a tonne is still far above.
+const NO_INERTIA: f64 = 1e-18;
+
+fn has_inertia(data: &Data) -> bool {
+    let largest = (0..data.mass_matrix.nrows()).fold(0.0_f64, |top, i| top.max(data.mass_matrix[(i, i)]));
+    (0..data.n_ind()).all(|k| data.reduced_mass_matrix[(k, k)] > NO_INERTIA * largest)
+}
+
 /// Kinematics, reduction and the accelerations that the velocities alone cause, at a given state.
 fn at_state(model: &Model, data: &mut Data, q: &[f64], v: &[f64], stabilisation: Stabilisation) -> Closure {
     forward_kinematics(model, data, q);
     data.q.copy_from_slice(q);
     data.v.copy_from_slice(v);
     let closure = factor_at(model, data);
-    reduction(model, data);
+    reduce(model, data);
+    choose_anew(model, data);
     world_velocities(model, data, v);
     data.a.fill(0.0);
     if model.is_constrained() {

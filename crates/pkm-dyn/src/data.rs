@@ -71,7 +71,8 @@ pub struct Data {
     pub reduction: DMatrix<f64>,
     /// Mass matrix in the independent coordinates, independent × independent.
     pub reduced_mass_matrix: DMatrix<f64>,
-    /// Joints whose motion determines all others, in the order of `tau_ind`: the drives, or as many of them as there are freedoms.
+    /// Joints whose motion determines all others, in the order of `tau_ind`: the drives, or as many of them as there are freedoms, which
+    /// then change with the pose.
     pub independent: Vec<usize>,
     /// Joints solved for by loop closure, ascending.
     pub dependent: Vec<usize>,
@@ -96,6 +97,7 @@ pub struct Data {
     pub(crate) step: Vec<f64>,
     pub(crate) scratch: Vec<f64>,
     pub(crate) gram: DMatrix<f64>,
+    pub(crate) choice: Choice,
     pub(crate) has_compound: bool,
 }
 
@@ -113,7 +115,7 @@ impl Data {
         let mut data = Self::with_independent(model, model.actuators.clone());
         let independent = choose_independent(model, &mut data, choice);
         // Made anew: what the choice left in it is nobody's start.
-        Self::with_independent(model, independent)
+        Self { choice, ..Self::with_independent(model, independent) }
     }
 
     fn with_independent(model: &Model, independent: Vec<usize>) -> Self {
@@ -165,6 +167,7 @@ impl Data {
             step: vec![0.0; nv.max(rows)],
             scratch: vec![0.0; nv.max(rows)],
             gram: DMatrix::zeros(n_ind, n_ind),
+            choice: Choice::Drives,
             has_compound: model.joints.iter().any(|j| j.part != Part::Whole),
             independent,
             dependent,

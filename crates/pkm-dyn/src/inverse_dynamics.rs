@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 use crate::data::Data;
 use crate::kinematics::{forward_kinematics, world_accelerations, world_velocities};
-use crate::loops::{Closure, distribute, factor_at, reduced, reduction, solve_accelerations, solve_positions, solve_velocities};
+use crate::loops::{Closure, choose_anew, distribute, factor_at, reduce, reduced, solve_accelerations, solve_positions, solve_velocities};
 use crate::math;
 use crate::model::Model;
 use crate::parameters::{InertialParameters, N_INERTIAL};
@@ -15,7 +15,10 @@ use crate::spatial::{Force, Motion, Pose};
 ///
 /// Newton starts from the tree coordinates in `data.q` (the previous sample, or [`crate::loops::assemble`]).
 pub fn closed_loop_motion(model: &Model, data: &mut Data, q_act: &[f64], v_act: &[f64], a_act: &[f64]) -> Closure {
-    let closure = solve_positions(model, data, q_act);
+    let mut closure = solve_positions(model, data, q_act);
+    // An open tree with joints that no drive moves has no motion that the drives' would determine.
+    closure.is_closed &= model.is_constrained() || data.dependent.is_empty();
+    closure.is_closed &= v_act.iter().chain(a_act).all(|x| x.is_finite());
     solve_velocities(model, data, v_act);
     solve_accelerations(model, data, a_act);
     tree_accelerations(model, data);
@@ -47,7 +50,8 @@ pub fn inverse_dynamics_at(model: &Model, data: &mut Data, q: &[f64], v: &[f64],
     data.v.copy_from_slice(v);
     data.a.copy_from_slice(a);
     let closure = factor_at(model, data);
-    reduction(model, data);
+    reduce(model, data);
+    choose_anew(model, data);
     world_velocities(model, data, v);
     tree_accelerations(model, data);
     rigid_effort(model, data);

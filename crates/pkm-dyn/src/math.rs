@@ -86,6 +86,12 @@ pub fn hypot(x: f64, y: f64) -> f64 {
     libm::hypot(x, y)
 }
 
+/// Nearest whole number, halves away from zero.
+#[must_use]
+pub fn round(x: f64) -> f64 {
+    libm::round(x)
+}
+
 /// Absolute value.
 #[must_use]
 pub fn abs(x: f64) -> f64 {

@@ -16,6 +16,9 @@ use pkm_ident::base::{BaseParameters, States, base_parameters};
 use crate::random::Random;
 use crate::{out, robot_file};
 
+/// Largest table parameters are counted from: half a gigabyte.
+const ENTRIES_MAX: usize = 64_000_000;
+
 /// States over which the regressor is stacked.
 const STATES: usize = 300;
 
@@ -28,7 +31,7 @@ const INERTIA_TOLERANCE: f64 = 1e-9;
 /// Arguments of `pkm check`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Exit status: 0 the robot can be diagnosed, 2 it cannot be read or its loops do not close.
+Exit status: 0 the robot moves and its drives hold every freedom, 2 it cannot be read, its loops do not close, or they do not.
 
 Examples:
   pkm check prs3
@@ -110,6 +113,7 @@ fn assembled(model: &Model, data: &mut Data, file: &str) -> anyhow::Result<(Clos
     }
     let mobility = mobility(model, data, &q);
     let drives = model.n_act();
+    ensure!(mobility > 0, "{file}: nothing moves in the stated assembly (at least one degree of freedom is needed)");
     ensure!(mobility <= drives, "{file}: {mobility} degrees of freedom and {drives} drives (every freedom needs one)");
     if !home.is_closed {
         let (rank, dependent) = (home.rank, data.dependent.len());
@@ -140,6 +144,12 @@ fn redundant_rows(model: &Model, data: &Data) -> Vec<usize> {
 }
 
 fn counts(model: &Model, seed: u64) -> Result<Counts, String> {
+    // A table of states by columns is what the counts are read from.
+    let columns = pkm_dyn::parameters::N_INERTIAL * model.massive_links().len() + 3 * model.nv();
+    let entries = STATES.saturating_mul(model.nv()).saturating_mul(columns);
+    if entries > ENTRIES_MAX {
+        return Err(format!("{} joints and {} links with mass are too many for it", model.nv(), model.massive_links().len()));
+    }
     let count = |kind| {
         let mut random = Random::new(seed);
         base_parameters(model, kind, STATES, &mut || random.unit()).map_err(|e| e.to_string())

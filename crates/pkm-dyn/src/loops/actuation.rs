@@ -51,6 +51,21 @@ fn gram(model: &Model, data: &mut Data) -> bool {
     small::cholesky(gram)
 }
 
+/// Least-squares motion of the independent coordinates for one given per drive, `(Bᵀ·B)⁻¹·Bᵀ·x_act`, in `data.scratch`; whether the
+/// drives determine it.
+pub(crate) fn fitted(model: &Model, data: &mut Data, x_act: &[f64]) -> bool {
+    let is_sound = gram(model, data);
+    let Data { gram, scratch, drive_jacobian, .. } = data;
+    let x = &mut scratch[..drive_jacobian.ncols()];
+    for (x, column) in x.iter_mut().zip(drive_jacobian.column_iter()) {
+        *x = column.iter().zip(x_act).map(|(b, x)| b * x).sum();
+    }
+    if is_sound {
+        small::solve(gram, x);
+    }
+    is_sound
+}
+
 /// Efforts of the drives that move nothing, `Bᵀ·tau_act = 0`, as orthonormal columns, drives × (drives − freedoms):
 /// `data.internal_efforts`. The largest entry of a column is positive.
 ///

@@ -7,7 +7,8 @@ use nalgebra::DMatrix;
 use crate::data::Data;
 use crate::elimination::RANK_TOLERANCE;
 use crate::loops::gap::loop_gap;
-use crate::loops::solve::assemble;
+use crate::loops::reduce::reduce;
+use crate::loops::solve::{assemble, factor};
 use crate::model::Model;
 
 /// A rough assembly counts as closed below this gap `[m | rad]`.
@@ -54,6 +55,41 @@ pub fn choose_independent(model: &Model, data: &mut Data, choice: Choice) -> Vec
     let driven: Vec<usize> = drives.iter().copied().filter(free).collect();
     let others = (0..model.nv()).filter(|j| choice != Choice::Drives && !drives.contains(j) && free(j));
     driven.iter().copied().chain(others).collect()
+}
+
+/// A dependent coordinate that moves this many times as fast as an independent one takes its place: the smaller of the two motions is
+/// then the dependent one, so that no choice is ever near a pose where it fails while another would not.
+const FASTER: f64 = 2.0;
+
+/// Exchanges independent coordinates for dependent ones that move much faster, at the pose of the last solution: surplus drives among
+/// drives ([`Choice::Drives`]), or any joint of one coordinate ([`Choice::Pivoting`]). Ends at a choice whose volume none exceeds much.
+pub(crate) fn choose_anew(model: &Model, data: &mut Data) {
+    for _ in 0..model.nv() {
+        let may_enter = |j: usize| match data.choice {
+            Choice::Drives => model.actuators.contains(&j),
+            Choice::Freedoms => false,
+            Choice::Pivoting => model.joints[j].is_whole(),
+        };
+        let mut best = (FASTER, None);
+        for (at, &d) in data.dependent.iter().enumerate().filter(|(_, d)| may_enter(**d)) {
+            for k in 0..data.n_ind() {
+                let speed = data.reduction[(d, k)].abs();
+                if speed > best.0 && model.joints[data.independent[k]].is_whole() {
+                    best = (speed, Some((at, k)));
+                }
+            }
+        }
+        let (_, Some((at, k))) = best else { return };
+        core::mem::swap(&mut data.dependent[at], &mut data.independent[k]);
+        data.dependent.sort_unstable();
+        data.elimination.forget();
+        data.reduction.fill(0.0);
+        for (k, &j) in data.independent.iter().enumerate() {
+            data.reduction[(j, k)] = 1.0;
+        }
+        factor(data);
+        reduce(model, data);
+    }
 }
 
 /// Columns that receive a pivot when those of each stage are used up before those of the next.

@@ -3,10 +3,10 @@
 use crate::data::Data;
 use crate::model::Model;
 
-/// `G = dv_tree/dv_ind` at the pose of the last [`crate::loops::solve_positions`], nv × independent: `data.reduction`.
+/// `data.reduction`, `G = dv_tree/dv_ind`, from the loops' Jacobian and its elimination.
 ///
 /// `J·G = 0`, so the unknown loop forces drop out of `Gᵀ·tau_tree` and no sensor in a passive joint is needed [Valera2017, eq. 2].
-pub fn reduction<'d>(model: &Model, data: &'d mut Data) -> &'d nalgebra::DMatrix<f64> {
+pub(crate) fn reduce(model: &Model, data: &mut Data) {
     if model.is_constrained() {
         let Data { loop_jacobian, elimination, independent, dependent, reduction, .. } = data;
         let (rows, nv) = (loop_jacobian.nrows(), reduction.nrows());
@@ -14,7 +14,6 @@ pub fn reduction<'d>(model: &Model, data: &'d mut Data) -> &'d nalgebra::DMatrix
         let right = |i: usize, k: usize| -jacobian[independent[k] * rows + i];
         elimination.solve_many(independent.len(), right, |j, k, x| out[k * nv + dependent[j]] = x);
     }
-    &data.reduction
 }
 
 /// `out = G·x` with `x` per independent coordinate.

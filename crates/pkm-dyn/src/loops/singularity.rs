@@ -192,8 +192,7 @@ impl Singularities {
 
     fn orientation(&mut self) -> f64 {
         let n = self.components.len();
-        let n_act = self.of_drives.image(0).len();
-        if n == 0 || n != self.freedoms() || n != n_act {
+        if n == 0 || n != self.freedoms() || n != self.of_drives.image(0).len() {
             return 0.0;
         }
         for o in 0..n {

@@ -7,8 +7,10 @@ use crate::configuration::integrate;
 use crate::data::Data;
 use crate::elimination::Elimination;
 use crate::kinematics::{forward_kinematics, world_velocities};
+use crate::loops::actuation::fitted;
 use crate::loops::gap::{gap_rows, jacobian_rows, loop_drift, loop_gap};
-use crate::loops::reduce::{expand, reduction};
+use crate::loops::independent::choose_anew;
+use crate::loops::reduce::{expand, reduce};
 use crate::model::Model;
 
 /// A loop counts as closed below this gap `[m | rad]`: a thousandth of a nanometre, reached by Newton in one step more than needed.
@@ -23,6 +25,10 @@ const WALK_PARTS: usize = 40;
 /// Below this gap `[m | rad]` the elimination of the pose before serves for a Newton step: what the pose has changed since is of the
 /// root of the gap, and so is the share of the gap that the step leaves.
 const REUSE_BELOW: f64 = 1e-6;
+
+/// Gauss-Newton stops when the independent coordinates move less than this `[m | rad]`, or after so many steps.
+const FITTED: f64 = 1e-11;
+const MAX_FITS: usize = 6;
 
 /// How a loop closure ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,15 +46,18 @@ pub struct Closure {
     pub rank: usize,
     /// Smallest pivot of that elimination over its largest entry: near zero at a singular pose.
     pub pivot_ratio: f64,
+    /// Largest difference `[m | rad]` between a drive's coordinate as given and as the loops have it: zero unless there are more drives
+    /// than freedoms, whose coordinates can contradict each other.
+    pub misfit: f64,
 }
 
 impl Closure {
     fn of_tree() -> Self {
-        Self { is_closed: true, iterations: 0, gap: 0.0, row: 0, rank: 0, pivot_ratio: 1.0 }
+        Self { is_closed: true, iterations: 0, gap: 0.0, row: 0, rank: 0, pivot_ratio: 1.0, misfit: 0.0 }
     }
 }
 
-fn factor(data: &mut Data) {
+pub(crate) fn factor(data: &mut Data) {
     let Data { loop_jacobian, dependent, elimination, .. } = data;
     let (rows, jacobian) = (loop_jacobian.nrows(), loop_jacobian.as_slice());
     elimination.factor(|i, j| jacobian[dependent[j] * rows + i]);
@@ -62,8 +71,12 @@ fn largest(gap: &[f64]) -> (f64, usize) {
 /// Tree coordinates that close the loops for given drives, by Newton from the tree coordinates in `data.q`.
 ///
 /// `q_act` `[m | rad]`, one per drive. The result is `data.q` and, at that pose, the reduction; on failure `data.q` holds the last
-/// iterate. Of more drives than freedoms, those that are not independent are a start like any passive joint, and are solved for.
+/// iterate. More drives than freedoms are met in the least-squares sense, and what is left of the contradiction is the result's misfit;
+/// which of them are independent follows the pose. Coordinates that are not finite change nothing and count as not closed.
 pub fn solve_positions(model: &Model, data: &mut Data, q_act: &[f64]) -> Closure {
+    if !q_act.iter().all(|q| q.is_finite()) {
+        return Closure { is_closed: false, gap: f64::NAN, ..Closure::of_tree() };
+    }
     if !model.is_constrained() {
         for (&j, &value) in model.actuators.iter().zip(q_act) {
             data.q[j] = value;
@@ -81,7 +94,36 @@ pub fn solve_positions(model: &Model, data: &mut Data, q_act: &[f64]) -> Closure
     for (&j, &value) in model.actuators.iter().zip(q_act) {
         data.q[j] = value;
     }
-    newton(model, data, is_near)
+    let closure = newton(model, data, is_near);
+    if model.n_act() > data.n_ind() { fit_drives(model, data, q_act, closure) } else { closure }
+}
+
+/// Moves the independent coordinates until all drives are met as well as they can be, by Gauss-Newton from a closed pose.
+fn fit_drives(model: &Model, data: &mut Data, q_act: &[f64], mut closure: Closure) -> Closure {
+    for _ in 0..MAX_FITS {
+        if !closure.is_closed {
+            return closure;
+        }
+        choose_anew(model, data);
+        let mut left = core::mem::take(&mut data.tau_act);
+        for (left, (&j, q)) in left.iter_mut().zip(model.actuators.iter().zip(q_act)) {
+            *left = q - data.q[j];
+        }
+        closure.misfit = left.iter().fold(0.0, |top, x| top.max(x.abs()));
+        let is_sound = fitted(model, data, &left);
+        data.tau_act = left;
+        let n = data.n_ind();
+        let way = data.scratch[..n].iter().fold(0.0_f64, |top, x| top.max(x.abs()));
+        if !is_sound || way < FITTED {
+            break;
+        }
+        for k in 0..n {
+            data.q[data.independent[k]] += data.scratch[k];
+        }
+        let misfit = closure.misfit;
+        closure = Closure { misfit, ..newton(model, data, true) };
+    }
+    closure
 }
 
 /// Tree coordinates that close the loops with the independent coordinates as they are in `data.q`, from the others there.
@@ -160,7 +202,7 @@ fn newton(model: &Model, data: &mut Data, may_reuse: bool) -> Closure {
     out.rank = data.elimination.rank();
     out.pivot_ratio = data.elimination.smallest_pivot_ratio();
     out.is_closed = out.gap <= 1e3 * CLOSED && out.rank == data.dependent.len();
-    reduction(model, data);
+    reduce(model, data);
     if out.is_closed {
         data.reduced_at.copy_from_slice(&data.q);
     } else {
@@ -244,11 +286,14 @@ pub fn solve_velocities(model: &Model, data: &mut Data, v_act: &[f64]) {
     data.v = v;
 }
 
-/// `out = G·x`, where `x` is given per drive.
+/// `out = G·x`, where `x` is given per drive; of more drives than freedoms in the least-squares sense.
 fn expand_drives(model: &Model, data: &mut Data, x_act: &[f64], out: &mut [f64]) {
+    let is_fitted = model.n_act() > data.n_ind() && fitted(model, data, x_act);
     let mut x = core::mem::take(&mut data.scratch);
-    for (x, j) in x.iter_mut().zip(&data.independent) {
-        *x = model.actuators.iter().position(|a| a == j).map_or(0.0, |k| x_act[k]);
+    if !is_fitted {
+        for (x, j) in x.iter_mut().zip(&data.independent) {
+            *x = model.actuators.iter().position(|a| a == j).map_or(0.0, |k| x_act[k]);
+        }
     }
     expand(data, &x, out);
     data.scratch = x;
@@ -257,11 +302,26 @@ fn expand_drives(model: &Model, data: &mut Data, x_act: &[f64], out: &mut [f64])
 /// Tree accelerations from the drives' `a_act` `[m/s² | rad/s²]`: `data.a`. Call [`solve_velocities`] first.
 pub fn solve_accelerations(model: &Model, data: &mut Data, a_act: &[f64]) {
     let mut a = core::mem::take(&mut data.a);
-    expand_drives(model, data, a_act, &mut a);
-    if model.is_constrained() {
-        loop_drift(model, data);
-        add_drift(data, &mut a);
+    if !model.is_constrained() || model.n_act() <= data.n_ind() {
+        expand_drives(model, data, a_act, &mut a);
+        if model.is_constrained() {
+            loop_drift(model, data);
+            add_drift(data, &mut a);
+        }
+        data.a = a;
+        return;
     }
+    // What the velocities alone do to surplus drives is no acceleration of the freedoms.
+    loop_drift(model, data);
+    a.fill(0.0);
+    add_drift(data, &mut a);
+    let mut left = core::mem::take(&mut data.tau_act);
+    for (left, (&j, given)) in left.iter_mut().zip(model.actuators.iter().zip(a_act)) {
+        *left = given - a[j];
+    }
+    expand_drives(model, data, &left, &mut a);
+    data.tau_act = left;
+    add_drift(data, &mut a);
     data.a = a;
 }
 

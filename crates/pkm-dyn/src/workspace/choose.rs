@@ -18,6 +18,9 @@ pub enum Undetermined {
     /// This one stands still, or follows from those before it.
     #[error("it is fixed or follows from the other coordinates at the home pose")]
     Dependent(Coordinate),
+    /// Nothing moves.
+    #[error("the robot has no degree of freedom at the home pose")]
+    Still,
     /// More are wanted than the mechanism has freedoms.
     #[error("{wanted} coordinates are prescribed, the robot has {freedoms} degrees of freedom")]
     TooMany {
@@ -81,6 +84,9 @@ pub fn choose(
     length: f64,
 ) -> Result<Vec<Coordinate>, Undetermined> {
     let freedoms = singularities.freedoms();
+    if freedoms == 0 {
+        return Err(Undetermined::Still);
+    }
     if wanted.len() > freedoms {
         return Err(Undetermined::TooMany { wanted: wanted.len(), freedoms });
     }

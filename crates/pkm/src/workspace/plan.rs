@@ -160,7 +160,7 @@ fn prescribed(
     prescribe(model, home, output, &wanted, args.length).map_err(|e| match e {
         Undetermined::Dependent(c) => anyhow!("{}: {e}", coordinate_name(model, c)),
         Undetermined::TooFew { .. } => anyhow!("{:?}: {e}: scan drives instead (--axes with names of driven joints)", output.name),
-        Undetermined::TooMany { .. } => anyhow!("{e}"),
+        Undetermined::TooMany { .. } | Undetermined::Still => anyhow!("{e}"),
     })
 }
 
