@@ -91,6 +91,7 @@ fn array<'py>(py: Python<'py>, x: &CMatrix) -> Bound<'py, PyArray2<numpy::Comple
 /// point (1e-4).
 #[pyfunction]
 #[pyo3(signature = (system, blocks, *, dt = None, frequencies = None, bounds = None, slack = None))]
+#[expect(clippy::too_many_arguments, reason = "keywords in Python")]
 pub(crate) fn mu(
     py: Python<'_>,
     system: &Bound<'_, PyAny>,
