@@ -49,15 +49,6 @@ fn both_near(bounds: [f64; 2], value: f64, tolerance: f64) {
 fn swept(system: &StateSpace, blocks: &[Block], range: [f64; 2], slack: f64) -> Sweep {
     let settings = Settings { slack, ..Settings::default() };
     let out = sweep(system, &structure(blocks), range, &settings).expect("a system that can be analysed");
-    println!(
-        "margin {:.10} .. {:.10}, w {:.8}, {:?}, {} intervals, {} points",
-        1.0 / out.upper,
-        1.0 / out.worst.beta,
-        out.worst.w,
-        out.guarantee,
-        out.segments.len(),
-        out.points.len()
-    );
     assert_eq!(out.guarantee, Guarantee::Interval(range));
     assert!(out.worst.beta <= out.upper);
     out
@@ -117,7 +108,7 @@ fn rank_one_is_exact() {
     }
 }
 
-/// μ of rank one with real and complex scalars: the largest real number in a zonotope plus a disc, c_i = conj(v_i)·u_i.
+/// μ of rank one with real and complex scalars: the largest real number in a zonotope plus a disc, `c_i = conj(v_i)·u_i`.
 fn mixed_rank_one(c: &[Complex<f64>], n_real: usize) -> f64 {
     let disc: f64 = c[n_real..].iter().map(|x| x.norm_sqr().sqrt()).sum();
     let reach = |theta: f64| {

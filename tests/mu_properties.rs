@@ -169,7 +169,7 @@ fn up_to_three_complex_full_blocks_leave_no_gap() {
             let s = structure(blocks);
             let M = draw.complex(s.n_z(), s.n_w());
             let [lower, upper] = both(&M, &s);
-            // 2·(repeated scalars) + (full blocks) <= 3 [PackardDoyle1993, theorem 9.1].
+            // 2·(repeated scalars) + (full blocks) <= 3 [Packard1993, theorem 9.1].
             assert!(lower >= upper * (1.0 - 1e-4), "{blocks:?}: {lower} {upper}");
         }
     }

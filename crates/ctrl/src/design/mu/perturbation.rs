@@ -60,7 +60,7 @@ impl Perturbation {
         out
     }
 
-    /// The whole Δ, n_w × n_z.
+    /// The whole Δ, `n_w` × `n_z`.
     ///
     /// # Panics
     /// When the blocks are not those of the structure.
@@ -117,7 +117,7 @@ pub(crate) fn apply(parts: &[Part], placed: &[Placed], M: &CMatrix) -> CMatrix {
     out
 }
 
-/// A part of size one (or a real one within its bounds) for a block, that sends z_k along x_k as nearly as its kind allows.
+/// A part of size one (or a real one within its bounds) for a block, that sends `z_k` along `x_k` as nearly as its kind allows.
 pub(crate) fn sending(block: Block, z: &DVector<Complex<f64>>, x: &DVector<Complex<f64>>, beta: f64) -> Part {
     match block {
         Block::Real { .. } => {

@@ -116,7 +116,7 @@ impl Structure {
     /// Refuses a matrix that does not fit or holds what is no number.
     ///
     /// # Errors
-    /// Other dimensions than n_z × n_w, an entry that is not finite.
+    /// Other dimensions than `n_z` × `n_w`, an entry that is not finite.
     pub fn check(&self, M: &CMatrix) -> Result<(), MuError> {
         let (expected, found) = ((self.n_z(), self.n_w()), M.shape());
         if expected != found {
