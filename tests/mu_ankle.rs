@@ -9,6 +9,7 @@ use std::time::Instant;
 
 use ankle::{DT, PROPOSED, blocks, closed_loop};
 use pkm_ctrl::design::mu::{Block, Guarantee, Response, Settings, StateSpace, Structure, sweep, upper_bound};
+use pkm_dyn::math::powf;
 
 fn structure() -> Structure {
     Structure::try_new(blocks()).expect("blocks")
@@ -86,7 +87,7 @@ fn mu_stays_below_one_over_the_orientations_of_the_foot() {
     let (n, frequencies) = if is_long { (21, 200) } else { (3, 12) };
     let at = |i: usize, most: f64| (2.0 * i as f64 / (n - 1) as f64 - 1.0) * f64::to_radians(most);
     let top: f64 = core::f64::consts::PI / DT;
-    let w: Vec<f64> = (0..frequencies).map(|i| 1e-2 * (top / 1e-2).powf(i as f64 / (frequencies - 1) as f64)).collect();
+    let w: Vec<f64> = (0..frequencies).map(|i| 1e-2 * powf(top / 1e-2, i as f64 / (frequencies - 1) as f64)).collect();
     let structure = structure();
     #[expect(clippy::disallowed_methods, reason = "a test that looks at the wall clock")]
     let start = Instant::now();

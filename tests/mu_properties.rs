@@ -9,6 +9,7 @@ use std::time::Instant;
 
 use nalgebra::Complex;
 use pkm_ctrl::design::mu::{Block, CMatrix, Structure, UpperStatus, Value, lower_bound, scalings_for, upper_bound};
+use pkm_dyn::math::powf;
 use serde::Deserialize;
 use systems::Draw;
 
@@ -130,7 +131,7 @@ fn it_does_not_see_scalings_and_rotations_of_the_structure() {
         let M = draw.complex(7, 7);
         let mut D = CMatrix::identity(7, 7);
         for (at, n) in [(0, 1), (1, 1), (2, 2), (4, 3)] {
-            let d = Complex::new(100.0_f64.powf(draw.unit()), 0.0);
+            let d = Complex::new(powf(100.0, draw.unit()), 0.0);
             D.view_mut((at, at), (n, n)).copy_from(&(CMatrix::identity(n, n) * d));
         }
         let mut U = CMatrix::zeros(7, 7);
@@ -168,7 +169,7 @@ fn up_to_three_complex_full_blocks_leave_no_gap() {
             let s = structure(blocks);
             let M = draw.complex(s.n_z(), s.n_w());
             let [lower, upper] = both(&M, &s);
-            // 2·(repeated scalars) + (full blocks) <= 3 [PackardDoyle1993, theorem 9.1].
+            // 2·(repeated scalars) + (full blocks) <= 3 [Packard1993, theorem 9.1].
             assert!(lower >= upper * (1.0 - 1e-4), "{blocks:?}: {lower} {upper}");
         }
     }
@@ -266,7 +267,7 @@ fn every_call_ends_with_a_proof() {
             1 => M.iter_mut().for_each(|m| m.im = 0.0),
             2 => (0..M.ncols()).for_each(|c| (c + 1..M.nrows()).for_each(|r| M[(r, c)] = Complex::new(0.0, 0.0))),
             3 if i % 100 == 3 => M.fill(Complex::new(0.0, 0.0)),
-            4 => M.row_iter_mut().for_each(|mut r| r *= Complex::new(10.0_f64.powf(8.0 * draw.unit()), 0.0)),
+            4 => M.row_iter_mut().for_each(|mut r| r *= Complex::new(powf(10.0, 8.0 * draw.unit()), 0.0)),
             _ => {}
         }
         #[expect(clippy::disallowed_methods, reason = "a test that looks at the wall clock")]

@@ -90,8 +90,8 @@ fn array<'py>(py: Python<'py>, x: &CMatrix) -> Bound<'py, PyArray2<numpy::Comple
 /// the search for the worst perturbation out (of a matrix); `slack`: share by which the proved level may exceed the largest bound at a
 /// point (1e-4).
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "keywords of Python, all but two optional")]
 #[pyo3(signature = (system, blocks, *, dt = None, frequencies = None, bounds = None, slack = None))]
+#[expect(clippy::too_many_arguments, reason = "keywords in Python")]
 pub(crate) fn mu(
     py: Python<'_>,
     system: &Bound<'_, PyAny>,

@@ -5,6 +5,7 @@
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use pkm_ctrl::design::mu::{Block, StateSpace};
+use pkm_dyn::math::sin_cos;
 
 /// Sample time `[s]`.
 pub(crate) const DT: f64 = 0.002;
@@ -34,7 +35,7 @@ pub(crate) fn blocks() -> Vec<Block> {
 }
 
 fn rotations(t: [f64; 3]) -> [Matrix3<f64>; 3] {
-    let ((sa, ca), (sb, cb), (sc, cc)) = (t[0].sin_cos(), t[1].sin_cos(), t[2].sin_cos());
+    let [(sa, ca), (sb, cb), (sc, cc)] = t.map(sin_cos);
     [
         Matrix3::new(1.0, 0.0, 0.0, 0.0, ca, -sa, 0.0, sa, ca),
         Matrix3::new(cb, 0.0, sb, 0.0, 1.0, 0.0, -sb, 0.0, cb),
@@ -44,7 +45,7 @@ fn rotations(t: [f64; 3]) -> [Matrix3<f64>; 3] {
 
 /// Four points: front pair and rear pair at an angle from the axis of the foot.
 fn points(front: f64, rear: f64, angle_deg: f64, z: f64) -> [Vector3<f64>; 4] {
-    let (s, c) = angle_deg.to_radians().sin_cos();
+    let (s, c) = sin_cos(angle_deg.to_radians());
     [
         Vector3::new(front * s, front * c, z),
         Vector3::new(-front * s, front * c, z),
@@ -74,8 +75,11 @@ fn diagonal(values: &[f64]) -> DMatrix<f64> {
 
 /// Matrix exponential: Taylor series of a small enough share, then squared back.
 fn exponential(A: &DMatrix<f64>) -> DMatrix<f64> {
-    let halvings = A.norm().log2().max(0.0) as i32 + 4;
-    let small = A * 0.5_f64.powi(halvings);
+    let (mut small, mut halvings) = (A.clone(), 0);
+    while small.norm() > 0.1 {
+        small /= 2.0;
+        halvings += 1;
+    }
     let one = DMatrix::identity(A.nrows(), A.nrows());
     let series = (1..=18).rev().fold(one.clone(), |sum, k| &one + &small * sum / f64::from(k));
     (0..halvings).fold(series, |E, _| &E * &E)

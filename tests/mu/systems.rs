@@ -114,6 +114,7 @@ impl Draw {
 
     /// A whole number below `n`.
     pub(crate) fn below(&mut self, n: usize) -> usize {
-        ((self.unit() + 1.0) * 0.5 * n as f64) as usize % n
+        let share = (self.unit() + 1.0) / 2.0;
+        (1..n).take_while(|&k| share * n as f64 >= k as f64).count()
     }
 }

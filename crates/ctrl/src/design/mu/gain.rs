@@ -1,6 +1,6 @@
 //! Worst-case gain: how much the uncertainty, within its stated size, can raise the gain from disturbances to errors.
 //!
-//! By the main loop theorem [PackardDoyle1993, theorem 4.3] the gain stays below γ for every |Δ| ≤ 1 if and only if μ of M with its
+//! By the main loop theorem [Packard1993, theorem 4.3] the gain stays below γ for every |Δ| ≤ 1 if and only if μ of M with its
 //! error outputs divided by γ, and with a full block from errors to disturbances beside the uncertainty, stays below one.
 
 use alloc::vec::Vec;

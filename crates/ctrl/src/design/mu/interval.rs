@@ -1,7 +1,7 @@
 //! How far one pair of scalings proves a level: an eigenvalue test that covers every frequency of an interval at once.
 //!
 //! With D, G and β frozen, `Φ(jw) = β²·D_w − M(jw)*·D_z·M(jw) − j·(G·M(jw) − M(jw)*·G)` can lose positive definiteness only at a frequency
-//! where it is singular, and those are the imaginary eigenvalues of one Hamiltonian matrix [BoydBalakrishnanKabamba1989;
+//! where it is singular, and those are the imaginary eigenvalues of one Hamiltonian matrix [Boyd1989;
 //! Ferreres2003 for D and G]. Eigenvalues anywhere near the axis count as suspects and are examined one by one, so rounding can shorten an
 //! interval but not lengthen it. This is floating-point arithmetic with wide tolerances, not a proof in the sense of
 //! [`Certificate::holds`](super::Certificate::holds).
@@ -155,7 +155,7 @@ pub(crate) fn between(a: f64, b: f64) -> f64 {
     }
 }
 
-/// `β²·D_w` − M*·`D_z·M` − j·(G·M − M*·G).
+/// `β²·D_w − M*·D_z·M − j·(G·M − M*·G)`.
 fn inequality(proof: &Certificate, M: &CMatrix) -> CMatrix {
     let skew = &proof.g * M;
     let j = Complex::new(0.0, 1.0);

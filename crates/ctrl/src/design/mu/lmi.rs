@@ -1,6 +1,6 @@
 //! The linear matrix inequality of the upper bound and its barrier.
 //!
-//! With D > 0 and G Hermitian of the structure, β is an upper bound of μ when [FanTitsDoyle1991, theorem 1]
+//! With D > 0 and G Hermitian of the structure, β is an upper bound of μ when [Fan1991, theorem 1]
 //! `F = t·D_w − M*·D_z·M − j·(G·M − M*·G) > 0`, t = β².
 //! F is linear in the entries of D and G. With F = L·L*, V = L⁻¹ and N = V·M*, the matrix that multiplies one unknown, seen in the metric
 //! of F, is a sum of a few outer products of columns of V and N; gradient and Hessian of −log det F are its trace and the Gram matrix of
@@ -100,7 +100,7 @@ impl Lmi {
         DVector::from_iterator(self.unknowns.len(), self.unknowns.iter().map(|u| if u.is_diagonal() { 1.0 } else { 0.0 }))
     }
 
-    /// The matrices (`D_w`, `D_z`, G), G from z to w.
+    /// The matrices `(D_w, D_z, G)`, G from z to w.
     pub(crate) fn matrices(&self, x: &DVector<f64>) -> (CMatrix, CMatrix, CMatrix) {
         let (n_z, n_w) = self.M.shape();
         let (mut D_w, mut D_z, mut G) = (CMatrix::zeros(n_w, n_w), CMatrix::zeros(n_z, n_z), CMatrix::zeros(n_w, n_z));
@@ -212,7 +212,7 @@ impl Lmi {
     }
 }
 
-/// `V·F_u·V`* for the matrix `F_u` that multiplies one unknown.
+/// `V·F_u·V*` for the matrix `F_u` that multiplies one unknown.
 fn in_metric(u: &Unknown, t: f64, V: &CMatrix, N: &CMatrix) -> CMatrix {
     let n = V.nrows();
     let mut out = CMatrix::zeros(n, n);

@@ -9,7 +9,7 @@ use super::ascent::Ground;
 use super::certificate::Certificate;
 use super::interval::{Prover, between};
 use super::lower::{Effort, LowerBound, search};
-use super::response::Response;
+use super::response::{Constant, Response};
 use super::structure::Structure;
 use super::system::StateSpace;
 use super::upper::{UpperBound, scalings_for, upper_bound};
@@ -310,7 +310,6 @@ impl<'a> Run<'a> {
         let [low, high] = self.finite_range();
         let system = self.prover.system;
         let placed = self.structure.placed();
-        let fixed = |w: f64| Ground { placed: &placed, response: system, range: [w, w] };
         let mut best = LowerBound { beta: 0.0, perturbation: None, w: 0.0 };
         let mut keep = |found: LowerBound| {
             if found.beta > best.beta {
@@ -318,7 +317,9 @@ impl<'a> Run<'a> {
             }
         };
         for l in &mut self.looked {
-            let found = search(&fixed(l.w), self.structure, (&l.M, l.w), &l.upper, Effort::Quick);
+            let response = Constant(l.M.clone());
+            let fixed = Ground { placed: &placed, response: &response, range: [l.w, l.w] };
+            let found = search(&fixed, self.structure, (&l.M, l.w), &l.upper, Effort::Quick);
             l.lower = found.beta;
             keep(found);
         }
