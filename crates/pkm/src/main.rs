@@ -8,6 +8,7 @@ mod demo;
 mod diagnose;
 mod diagnosis;
 mod effects;
+mod identify;
 mod out;
 mod outputs;
 mod progress;
@@ -41,6 +42,9 @@ Look at a robot:
 Handle recordings:
   convert     Turn a CSV recording into MCAP, or back
 
+Fit a robot:
+  identify    Estimate masses, inertias and friction of a robot from recordings
+
 Find missing physics:
   diagnose    Locate, name and size what a robot file leaves out of its recordings
   trial-null  Diagnose the same runs with nothing missing: how often is something found?
@@ -55,6 +59,7 @@ Examples:
   pkm demo
   pkm check prs3
   pkm diagnose robot.toml --recording A.csv --holdout B.csv --json out.json --html out.html
+  pkm identify robot.toml --recording A.csv --holdout B.csv --out better.identified.toml
   pkm convert A.csv A.mcap --robot robot.toml
   pkm effects friction_stribeck
 
@@ -81,6 +86,8 @@ enum Verb {
     Effects(effects::Args),
     /// Turn a CSV recording into MCAP, or back.
     Convert(convert::Args),
+    /// Estimate masses, inertias and friction of a robot from recordings.
+    Identify(identify::Args),
     /// Locate, name and size what a robot file leaves out of its recordings.
     Diagnose(diagnose::Args),
     /// Diagnose the same runs with nothing missing: how often is something found?
@@ -100,6 +107,7 @@ fn main() -> ExitCode {
         Verb::Check(args) => check::run(args),
         Verb::Effects(args) => effects::run(args),
         Verb::Convert(args) => convert::run(args),
+        Verb::Identify(args) => identify::run(args),
         Verb::Diagnose(args) => diagnose::run(args),
         Verb::TrialNull(args) => trial_null::run(args),
         Verb::Demo(args) => demo::run(args),

@@ -1,4 +1,4 @@
-//! A diagnosis as one self-contained HTML page and as terminal text.
+//! A diagnosis as one self-contained HTML page and as terminal text; an identification as a page.
 //!
 //! Both renderings show the same content in the same order: the answer, the held-out numbers, the findings with their proof, what was
 //! ruled out, what could not have been seen. Nothing is computed here that the verdict does not already say, and no file is written.
@@ -17,5 +17,5 @@ mod svg;
 mod terminal;
 mod words;
 
-pub use html::html;
+pub use html::{html, identification_html};
 pub use terminal::{Style, terminal};
