@@ -4,9 +4,10 @@ Arrays are C-ordered (n_samples, n_joints), float64, SI units. Names are those o
 """
 
 from . import evidence, plot, robots, verdict
-from ._pkm import Recording, Report, Robot, __version__, diagnose, effects, load, read, simulate, write
+from ._pkm import Identification, Recording, Report, Robot, __version__, diagnose, effects, load, read, simulate, write
 
 __all__ = [
+    "Identification",
     "Recording",
     "Report",
     "Robot",

@@ -10,6 +10,7 @@ mod diagnosis;
 mod dynamics;
 mod error;
 mod evidence;
+mod identification;
 mod motion;
 mod recording;
 mod robots;
@@ -24,6 +25,8 @@ mod _pkm {
     use super::diagnosis::{Report, diagnose};
     #[pymodule_export]
     use super::dynamics::{Robot, effects, load};
+    #[pymodule_export]
+    use super::identification::Identification;
     #[pymodule_export]
     use super::recording::{Recording, read, write};
     #[pymodule_export]
