@@ -4,9 +4,24 @@ Arrays are C-ordered (n_samples, n_joints), float64, SI units. Names are those o
 """
 
 from . import evidence, plot, robots, verdict
-from ._pkm import Mu, Recording, Report, Robot, __version__, diagnose, effects, load, mu, read, simulate, write
+from ._pkm import (
+    Identification,
+    Mu,
+    Recording,
+    Report,
+    Robot,
+    __version__,
+    diagnose,
+    effects,
+    load,
+    mu,
+    read,
+    simulate,
+    write,
+)
 
 __all__ = [
+    "Identification",
     "Mu",
     "Recording",
     "Report",

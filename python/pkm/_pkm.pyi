@@ -11,6 +11,7 @@ from .evidence import Evidence
 from .verdict import Finding, Verdict
 
 __all__ = [
+    "Identification",
     "Mu",
     "Recording",
     "Report",
@@ -284,6 +285,59 @@ class Recording:
 
     def __contains__(self, name: str, /) -> bool: ...
     def __len__(self) -> int: ...
+
+@final
+class Identification:
+    """Estimates the parameters of a robot from recordings. The constructor stores, `fit` learns, learned names end in `_`."""
+
+    def __new__(
+        cls,
+        robot: Robot,
+        *,
+        method: Literal["sdp", "wls", "relevant", "ols", "huber", "bisquare", "tls", "ridge"] = "sdp",
+        band_hz: float | None = None,
+        hold: Sequence[Literal["rotor", "friction", "passive-friction", "offset", "stiffness"]] = ...,
+    ) -> Identification:
+        """`band_hz`: low-pass for effort and model alike, chosen from the motion when None; `hold`: terms that stay as they are."""
+
+    def fit(self, recordings: Recording | Sequence[Recording], *, holdout: Recording | Sequence[Recording] | None = None) -> Identification:
+        """Learns from recordings, judges on `holdout` (without it, on every second of ten blocks of each), returns itself."""
+
+    @property
+    def status_(self) -> str:
+        """`identified`, `doubtful` or `not_identified`."""
+
+    @property
+    def notes_(self) -> list[str]:
+        """What speaks against the answer, one sentence each."""
+
+    @property
+    def names_(self) -> list[str]:
+        """Names of all parameters, in the order of `theta_`."""
+
+    @property
+    def theta_(self) -> NDArray[numpy.float64]:
+        """All parameters of the identified robot, SI; read-only."""
+
+    @property
+    def names_base_(self) -> list[str]:
+        """Names of the base parameters, in the order of `theta_base_`."""
+
+    @property
+    def theta_base_(self) -> NDArray[numpy.float64]:
+        """Base parameters, SI; read-only."""
+
+    @property
+    def covariance_(self) -> NDArray[numpy.float64]:
+        """Their covariance, residuals taken as coloured as they are."""
+
+    @property
+    def heldout_(self) -> dict[str, tuple[float, float]]:
+        """Held-out error of each drive as a share of its effort's rms: `{joint: (nominal, identified)}`."""
+
+    @property
+    def robot_(self) -> Robot:
+        """The identified robot."""
 
 @final
 class Report:

@@ -114,7 +114,7 @@ impl Report {
 }
 
 /// The signals of one recording or of a sequence of them.
-fn signals(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<Signals>> {
+pub(crate) fn signals(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<Signals>> {
     let wrong = |found: &Bound<'_, PyAny>| {
         let kind = found.get_type().name().map_or_else(|_| "something else".to_string(), |n| n.to_string());
         PyTypeError::new_err(format!("{name} holds {kind} (must be a Recording or a sequence of Recordings)"))

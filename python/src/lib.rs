@@ -10,6 +10,7 @@ mod diagnosis;
 mod dynamics;
 mod error;
 mod evidence;
+mod identification;
 mod mechanics;
 mod motion;
 mod mu;
@@ -27,6 +28,8 @@ mod _pkm {
     use super::diagnosis::{Report, diagnose};
     #[pymodule_export]
     use super::dynamics::{Robot, effects, load};
+    #[pymodule_export]
+    use super::identification::Identification;
     #[pymodule_export]
     use super::mu::{Mu, mu};
     #[pymodule_export]

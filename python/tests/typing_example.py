@@ -30,6 +30,12 @@ recording = pkm.simulate(truth, pkm.load("robot.toml"), seed=1, duration_s=5.0, 
 signal: NDArray[numpy.float64] = recording["q.q1"] + recording.time
 pkm.write(Path("a.mcap"), pkm.Recording(recording.time, {"q.q1": recording["q.q1"]}, name="a"))
 
+estimate = pkm.Identification(robot, method="wls", band_hz=8.0, hold=["offset"]).fit([recording], holdout=recording)
+assert_type(estimate, pkm.Identification)
+spread: NDArray[numpy.float64] = estimate.theta_base_ / numpy.sqrt(numpy.diag(estimate.covariance_))
+better: pkm.Robot = estimate.robot_
+words: list[str] = [estimate.status_, *estimate.notes_, *estimate.names_, *estimate.names_base_]
+
 report = pkm.diagnose(robot, [pkm.read("a.csv")], holdout=recording, band_hz=8.0, floor=0.03, seed=1, progress=print)
 assert_type(report, pkm.Report)
 text: str = str(report) + report.html() + report.findings[0]["says"]

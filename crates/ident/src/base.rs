@@ -25,8 +25,8 @@ const TRAVEL_SHARE: f64 = 0.9;
 const UNSTATED: [f64; 2] = [0.05, 0.5];
 
 /// Largest speed `[m/s | rad/s]` and acceleration `[m/s² | rad/s²]` drawn: both terms are then of the size of weight.
-const SPEED: f64 = 2.0;
-const ACCELERATION: f64 = 10.0;
+pub(crate) const SPEED: f64 = 2.0;
+pub(crate) const ACCELERATION: f64 = 10.0;
 
 /// A pose counts as singular when the loop closure's pivots fall below this share of those at the start.
 const PIVOT_SHARE: f64 = 0.05;
@@ -184,7 +184,7 @@ fn rank(stack: &Mat<f64>, columns: usize) -> Result<Rank, BaseError> {
 }
 
 /// Where states are drawn from: around a closed pose, inside the limits.
-struct Range {
+pub(crate) struct Range {
     /// Closed tree coordinates at the centre.
     start: Vec<f64>,
     centre: Vec<f64>,
@@ -195,7 +195,7 @@ struct Range {
 }
 
 impl Range {
-    fn try_new(model: &Model) -> Result<Self, BaseError> {
+    pub(crate) fn try_new(model: &Model) -> Result<Self, BaseError> {
         let mut data = Data::new(model);
         let home = assemble(model, &mut data);
         if !home.is_closed {
@@ -220,7 +220,7 @@ impl Range {
     }
 
     /// Drive positions of a reachable state; `data.q` holds the closed tree coordinates.
-    fn draw(&mut self, model: &Model, data: &mut Data, uniform: &mut dyn FnMut() -> f64) -> Result<Vec<f64>, BaseError> {
+    pub(crate) fn draw(&mut self, model: &Model, data: &mut Data, uniform: &mut dyn FnMut() -> f64) -> Result<Vec<f64>, BaseError> {
         let mut refused = 0;
         loop {
             let mut place = |(c, half): (&f64, &[f64; 2])| {

@@ -1,13 +1,32 @@
-//! From time-aligned signals to what an estimator can use: uniform grids, zero-phase filters, derivatives, spectra.
+//! From time-aligned signals to the parameters of a robot: uniform grids, zero-phase filters, the observation matrix, base parameters,
+//! estimators, and how far they can be trusted. [`identify`] is all of it.
 //!
 //! Knows no files (that is `pkm-record`) and no diagnosis (that is `pkm-diagnose`).
 
 extern crate alloc;
 
+pub mod answer;
 pub mod base;
+pub mod columns;
 pub mod dataset;
+pub mod error;
+pub mod estimate;
+pub mod factor;
 pub mod filter;
 pub mod grid;
+pub mod grouping;
+pub mod identify;
+pub mod motion;
+pub mod note;
+pub mod observation;
+pub mod refine;
+pub mod relevant;
 pub mod spectrum;
+pub mod statistics;
+mod walk;
+
+pub use answer::{Identification, IdentifyError, Settings, Term};
+pub use error::InputError;
+pub use identify::identify;
 
 pub use dataset::{EffortKind, KnownLoad, Meta, Recording};

@@ -162,6 +162,25 @@ impl InertialParameters {
         p
     }
 
+    /// The parameters whose pseudo-inertia is `p`; linear in `p`, of which the lower triangle is not read.
+    #[must_use]
+    pub fn from_pseudo_inertia(p: &Matrix4<f64>) -> Self {
+        // The upper left block is ½·tr(I)·1 − I, whose trace is ½·tr(I).
+        let trace = p[(0, 0)] + p[(1, 1)] + p[(2, 2)];
+        Self {
+            mass: p[(3, 3)],
+            mx: p[(0, 3)],
+            my: p[(1, 3)],
+            mz: p[(2, 3)],
+            ixx: trace - p[(0, 0)],
+            ixy: -p[(0, 1)],
+            iyy: trace - p[(1, 1)],
+            ixz: -p[(0, 2)],
+            iyz: -p[(1, 2)],
+            izz: trace - p[(2, 2)],
+        }
+    }
+
     /// Whether some non-negative mass density has these parameters, up to `tolerance` relative to the largest entry.
     #[must_use]
     pub fn is_feasible(&self, tolerance: f64) -> bool {
@@ -210,6 +229,12 @@ mod tests {
         assert!((com_moved - x.transform_point(&com)).norm() < 1e-14);
         assert!((central_moved - x.rotation * central * x.rotation.transpose()).norm() < 1e-14);
         assert!((InertialParameters::transform_matrix(&x) * body().to_vector() - moved.to_vector()).norm() < 1e-14);
+    }
+
+    #[test]
+    fn the_pseudo_inertia_holds_all_ten() {
+        let back = InertialParameters::from_pseudo_inertia(&body().pseudo_inertia());
+        assert!((back.to_vector() - body().to_vector()).norm() < 1e-15);
     }
 
     #[test]

@@ -9,6 +9,7 @@ mod diagnose;
 mod diagnosis;
 mod effects;
 mod export;
+mod identify;
 mod mu;
 mod out;
 mod outputs;
@@ -46,6 +47,9 @@ Look at a robot:
 Handle recordings:
   convert     Turn a CSV recording into MCAP, or back
 
+Fit a robot:
+  identify    Estimate masses, inertias and friction of a robot from recordings
+
 Find missing physics:
   diagnose    Locate, name and size what a robot file leaves out of its recordings
   trial-null  Diagnose the same runs with nothing missing: how often is something found?
@@ -63,6 +67,7 @@ Examples:
   pkm demo
   pkm check prs3
   pkm diagnose robot.toml --recording A.csv --holdout B.csv --json out.json --html out.html
+  pkm identify robot.toml --recording A.csv --holdout B.csv --out better.identified.toml
   pkm convert A.csv A.mcap --robot robot.toml
   pkm effects friction_stribeck
   pkm export prs3 --format mjcf --out prs3.xml
@@ -94,6 +99,8 @@ enum Verb {
     Export(export::Args),
     /// Turn a CSV recording into MCAP, or back.
     Convert(convert::Args),
+    /// Estimate masses, inertias and friction of a robot from recordings.
+    Identify(identify::Args),
     /// Locate, name and size what a robot file leaves out of its recordings.
     Diagnose(diagnose::Args),
     /// Diagnose the same runs with nothing missing: how often is something found?
@@ -117,6 +124,7 @@ fn main() -> ExitCode {
         Verb::Effects(args) => effects::run(args),
         Verb::Export(args) => export::run(args),
         Verb::Convert(args) => convert::run(args),
+        Verb::Identify(args) => identify::run(args),
         Verb::Diagnose(args) => diagnose::run(args),
         Verb::TrialNull(args) => trial_null::run(args),
         Verb::Mu(args) => mu::run(args),

@@ -4,5 +4,6 @@
 mod bad_input;
 mod export;
 mod fixture;
+mod identify;
 mod mu;
 mod verbs;

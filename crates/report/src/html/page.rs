@@ -29,16 +29,18 @@ pub fn html(diagnosis: &Diagnosis) -> String {
         put!(body, "; the refined model is <code>{}</code>", esc(&verdict.refined_model));
     }
     body.push_str(".</footer>");
+    document(&format!("{} – {}", esc(&verdict.robot), esc(&words::outcome(verdict))), &body)
+}
+
+/// A whole page; title and body are HTML already.
+pub(super) fn document(title: &str, body: &str) -> String {
     format!(
         concat!(
             "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">",
             "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">",
-            "<title>{} – {}</title><style>{}</style></head>\n<body><main>{}</main></body></html>\n",
+            "<title>{}</title><style>{}</style></head>\n<body><main>{}</main></body></html>\n",
         ),
-        esc(&verdict.robot),
-        esc(&words::outcome(verdict)),
-        STYLE,
-        body
+        title, STYLE, body
     )
 }
 

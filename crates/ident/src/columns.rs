@@ -1,0 +1,278 @@
+//! What identification can estimate of a robot: a list of parameters, each with a name, a unit, its nominal value and the column of the
+//! regressor that belongs to it.
+//!
+//! The effort of the drives is linear in all of them: ten inertial parameters of every link with mass, rotor inertia and effort offset of
+//! every drive, viscous and Coulomb friction of every joint that moves, passive ones included, the stiffness of springs that the robot
+//! file names, and amplitude and phase of ripples it names (an effort periodic in position: gear mesh, cogging, a spring on a lever).
+//! Friction of a passive joint reaches the drives through the reduction.
+
+use pkm_dyn::effects::{Applied, JointState, Law, Robot, Unit};
+use pkm_dyn::inverse_dynamics::actuated_regressor;
+use pkm_dyn::model::Joint;
+use pkm_dyn::parameters::{InertialParameters, N_INERTIAL, NAMES, UNITS};
+use pkm_dyn::{Data, Model, math};
+
+/// What a parameter is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// An inertial parameter of a link, about the link's frame.
+    Inertial {
+        /// Index of the link.
+        link: usize,
+        /// Which of the ten, in the order of [`NAMES`].
+        which: usize,
+    },
+    /// Rotor inertia of a drive, seen at its joint.
+    Rotor {
+        /// The driven joint.
+        joint: usize,
+    },
+    /// Viscous friction.
+    Viscous {
+        /// The joint, driven or passive.
+        joint: usize,
+    },
+    /// Coulomb friction.
+    Coulomb {
+        /// The joint, driven or passive.
+        joint: usize,
+    },
+    /// Constant part of a drive's effort.
+    Offset {
+        /// The driven joint.
+        joint: usize,
+    },
+    /// Stiffness of a spring of the robot file, about its stated rest.
+    Stiffness {
+        /// The joint, driven or passive.
+        joint: usize,
+    },
+    /// Sine or cosine part of a torque ripple of the robot file, at its stated order.
+    Wave {
+        /// The joint, driven or passive.
+        joint: usize,
+        /// Which part.
+        part: Part,
+    },
+}
+
+/// A part of an effort `sine·sin(order·q) + cosine·cos(order·q)`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// Of the sine.
+    Sine,
+    /// Of the cosine.
+    Cosine,
+}
+
+/// One parameter and its column.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// What it is.
+    pub quantity: Quantity,
+    /// Name, `<link or joint>.<parameter>`.
+    pub name: String,
+    /// Unit.
+    pub unit: &'static str,
+    /// Value in the robot's files.
+    pub nominal: f64,
+    /// Smallest physical value; inertial parameters are bound by the pseudo-inertia instead.
+    pub lower: f64,
+}
+
+/// All parameters of a robot, and how its files' other effects stay in the equations.
+#[derive(Debug, Clone)]
+pub struct Columns {
+    /// The parameters, in the order of the columns.
+    pub list: Vec<Parameter>,
+    /// Links with mass, in the order of the inertial columns.
+    pub links: Vec<usize>,
+    bodies: Vec<(usize, nalgebra::SMatrix<f64, N_INERTIAL, N_INERTIAL>)>,
+    /// Rest of every stiffness, order of every wave, by column; zero for other columns.
+    stated: Vec<f64>,
+    kept: Vec<Applied>,
+}
+
+/// Effects of a robot file that are parameters here: their values are counted into the nominal ones and they leave the file.
+pub(crate) const ESTIMATED: [&str; 9] = [
+    "friction_viscous",
+    "friction_coulomb",
+    "friction_passive",
+    "rotor_inertia",
+    "torque_offset",
+    "spring",
+    "torque_ripple",
+    "inertia_error",
+    "payload",
+];
+
+impl Columns {
+    /// The parameters of `robot`.
+    #[must_use]
+    pub fn new(robot: &Robot) -> Self {
+        let model = &robot.model;
+        let links = model.massive_links();
+        let frame = |&l: &usize| (model.links[l].body.unwrap_or(0), InertialParameters::transform_matrix(&model.links[l].pose));
+        let is_kept = |e: &&Applied| matches!(e.entry.law, Law::JointEffort(_)) && !ESTIMATED.contains(&e.entry.name);
+        let (list, stated) = list(robot, &links);
+        Self {
+            list,
+            bodies: links.iter().map(frame).collect(),
+            links,
+            stated,
+            kept: robot.effects.iter().filter(is_kept).cloned().collect(),
+        }
+    }
+
+    /// Number of parameters.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.list.len()
+    }
+
+    /// Whether there is nothing to estimate.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+
+    /// Values in the robot's files.
+    #[must_use]
+    pub fn nominal(&self) -> Vec<f64> {
+        self.list.iter().map(|p| p.nominal).collect()
+    }
+
+    /// Index of the parameter of that name.
+    #[must_use]
+    pub fn index(&self, name: &str) -> Option<usize> {
+        self.list.iter().position(|p| p.name == name)
+    }
+
+    /// Writes the columns at the motion in `data` ([`pkm_dyn::inverse_dynamics::closed_loop_motion`]): `put(drive, column, value)`.
+    ///
+    /// `direction` has one entry per tree joint, −1 to 1. Columns that are zero by structure are not put.
+    pub fn fill(&self, model: &Model, data: &mut Data, direction: &[f64], put: &mut impl FnMut(usize, usize, f64)) {
+        actuated_regressor(model, data);
+        let n_act = model.n_act();
+        for (l, (body, to_body)) in self.bodies.iter().enumerate() {
+            for k in 0..n_act {
+                for c in 0..N_INERTIAL {
+                    // Columns are per body about the body's frame; a link fixed at an offset needs them about its own.
+                    let sum = (0..N_INERTIAL).map(|b| data.regressor[(k, body * N_INERTIAL + b)] * to_body[(b, c)]).sum();
+                    put(k, l * N_INERTIAL + c, sum);
+                }
+            }
+        }
+        for (c, p) in self.list.iter().enumerate().skip(self.links.len() * N_INERTIAL) {
+            let (joint, value) = match p.quantity {
+                Quantity::Inertial { .. } => continue,
+                Quantity::Rotor { joint } => (joint, data.a[joint]),
+                Quantity::Viscous { joint } => (joint, data.v[joint]),
+                Quantity::Coulomb { joint } => (joint, direction[joint]),
+                Quantity::Offset { joint } => (joint, 1.0),
+                Quantity::Stiffness { joint } => (joint, data.q[joint] - self.stated[c]),
+                Quantity::Wave { joint, part: Part::Sine } => (joint, math::sin(self.stated[c] * data.q[joint])),
+                Quantity::Wave { joint, part: Part::Cosine } => (joint, math::cos(self.stated[c] * data.q[joint])),
+            };
+            for k in 0..n_act {
+                let gain = data.reduction[(joint, k)];
+                if gain.abs() > 0.0 {
+                    put(k, c, gain * value);
+                }
+            }
+        }
+    }
+
+    /// Effort of the effects that stay as the file states them, at the drives, into `out` `[N | N·m]`; `load` is the rigid effort there.
+    pub fn kept_effort(&self, model: &Model, data: &Data, direction: &[f64], load: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+        for e in &self.kept {
+            let Law::JointEffort(law) = e.entry.law else { continue };
+            let j = e.place;
+            let at_drive = model.actuators.iter().position(|&a| a == j);
+            let load = at_drive.map_or(0.0, |k| load[k]);
+            let effort = law(&e.values, &JointState { q: data.q[j], v: data.v[j], a: data.a[j], sign: direction[j], load });
+            for (k, out) in out.iter_mut().enumerate() {
+                *out += data.reduction[(j, k)] * effort;
+            }
+        }
+    }
+
+    /// Whether any effect stays as the file states it.
+    #[must_use]
+    pub fn has_kept_effort(&self) -> bool {
+        !self.kept.is_empty()
+    }
+
+    /// The inertial parameters of massive link number `l` within `theta`.
+    ///
+    /// # Panics
+    /// With fewer values than inertial columns.
+    #[must_use]
+    pub fn inertial(theta: &[f64], l: usize) -> InertialParameters {
+        let at = l * N_INERTIAL;
+        InertialParameters::from_vector(&nalgebra::SVector::from_column_slice(&theta[at..at + N_INERTIAL]))
+    }
+}
+
+/// Parameters, and what the robot file states of each that is not estimated.
+fn list(robot: &Robot, links: &[usize]) -> (Vec<Parameter>, Vec<f64>) {
+    let model = &robot.model;
+    let mut out = Vec::new();
+    for &link in links {
+        let theta = model.links[link].parameters.to_vector();
+        for which in 0..N_INERTIAL {
+            out.push(Parameter {
+                quantity: Quantity::Inertial { link, which },
+                name: format!("{}.{}", model.links[link].name, NAMES[which]),
+                unit: UNITS[which],
+                nominal: theta[which],
+                lower: f64::NEG_INFINITY,
+            });
+        }
+    }
+    let counted = |effect: &str, joint: usize, value: usize| -> f64 {
+        let such = |e: &&Applied| e.entry.name == effect && e.place == joint;
+        robot.effects.iter().filter(such).map(|e| e.values[value]).sum()
+    };
+    let mut push = |quantity, j: usize, what: &str, unit: Unit, nominal: f64, lower: f64| {
+        let Joint { name, kind, .. } = &model.joints[j];
+        out.push(Parameter { quantity, name: format!("{name}.{what}"), unit: unit.text(*kind), nominal, lower });
+    };
+    for &joint in &model.actuators {
+        let rotor = model.joints[joint].armature + counted("rotor_inertia", joint, 0);
+        push(Quantity::Rotor { joint }, joint, "rotor_inertia", Unit::Inertia, rotor, 0.0);
+    }
+    for j in frictional(model) {
+        let viscous = model.joints[j].viscous + counted("friction_viscous", j, 0) + counted("friction_passive", j, 1);
+        let coulomb = model.joints[j].coulomb + counted("friction_coulomb", j, 0) + counted("friction_passive", j, 0);
+        push(Quantity::Viscous { joint: j }, j, "viscous", Unit::EffortPerVelocity, viscous, 0.0);
+        push(Quantity::Coulomb { joint: j }, j, "coulomb", Unit::Effort, coulomb, 0.0);
+    }
+    for &joint in &model.actuators {
+        push(Quantity::Offset { joint }, joint, "offset", Unit::Effort, counted("torque_offset", joint, 0), f64::NEG_INFINITY);
+    }
+    let mut stated = Vec::new();
+    for e in robot.effects.iter().filter(|e| e.entry.name == "spring") {
+        push(Quantity::Stiffness { joint: e.place }, e.place, "stiffness", Unit::EffortPerPosition, e.values[0], f64::NEG_INFINITY);
+        stated.push(e.values[1]);
+    }
+    for e in robot.effects.iter().filter(|e| e.entry.name == "torque_ripple") {
+        let [amplitude, order, phase] = [e.values[0], e.values[1], e.values[2]];
+        for (part, name, share) in [(Part::Sine, "sine", math::cos(phase)), (Part::Cosine, "cosine", math::sin(phase))] {
+            let name = format!("{name}_{order}");
+            push(Quantity::Wave { joint: e.place, part }, e.place, &name, Unit::Effort, amplitude * share, f64::NEG_INFINITY);
+            stated.push(order);
+        }
+    }
+    let before = out.len() - stated.len();
+    let stated = [vec![0.0; before], stated].concat();
+    (out, stated)
+}
+
+/// Joints that can rub: drives first, then passive joints that move bodies, in the order of the tree.
+fn frictional(model: &Model) -> Vec<usize> {
+    let mut joints = model.actuators.clone();
+    joints.extend(model.passive());
+    joints
+}

@@ -1,0 +1,99 @@
+//! Input that identification refuses: one line that names recording, place, value and limit.
+
+/// Why recordings cannot be used with a robot.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum InputError {
+    /// No recording at all.
+    #[error("no recording given")]
+    NoRecording,
+    /// A column the robot needs is not there.
+    #[error("{recording}: no column {column:?} (required for every actuated joint of {robot:?})")]
+    MissingColumn {
+        /// Recording as the user named it.
+        recording: String,
+        /// The column.
+        column: String,
+        /// Robot name.
+        robot: String,
+    },
+    /// A column holds nothing.
+    #[error("{recording}: column {column:?} has {known} known samples of {samples} (at least half must be known)")]
+    EmptyColumn {
+        /// Recording as the user named it.
+        recording: String,
+        /// The column.
+        column: String,
+        /// Known samples.
+        known: usize,
+        /// All samples.
+        samples: usize,
+    },
+    /// Too few samples.
+    #[error("{recording}: {samples} samples (at least {limit} are needed)")]
+    TooShort {
+        /// Recording as the user named it.
+        recording: String,
+        /// Number of samples.
+        samples: usize,
+        /// Limit.
+        limit: usize,
+    },
+    /// The loops do not close at recorded drive positions.
+    #[error(
+        "{recording}: t = {time:.3} s: constraint row {row} stays {gap:.3e} m or rad open (limit 1e-9): is this a recording of {robot:?}?"
+    )]
+    Open {
+        /// Recording as the user named it.
+        recording: String,
+        /// Time of the sample `[s]`.
+        time: f64,
+        /// Constraint row, couplings first, then loops.
+        row: usize,
+        /// Remaining gap.
+        gap: f64,
+        /// Robot name.
+        robot: String,
+    },
+    /// The drives do not determine the passive joints at recorded drive positions.
+    #[error("{recording}: t = {time:.3} s: singular pose: the drives determine {rank} of {passive} passive joints of {robot:?}")]
+    Singular {
+        /// Recording as the user named it.
+        recording: String,
+        /// Time of the sample `[s]`.
+        time: f64,
+        /// Passive joints that are determined.
+        rank: usize,
+        /// Passive joints.
+        passive: usize,
+        /// Robot name.
+        robot: String,
+    },
+    /// More drives than freedoms.
+    #[error("{robot:?} has {drives} drives for {freedoms} degrees of freedom (they must be equal to identify)")]
+    Redundant {
+        /// Robot name.
+        robot: String,
+        /// Drives.
+        drives: usize,
+        /// Degrees of freedom.
+        freedoms: usize,
+    },
+    /// A band that no recording can show.
+    #[error("band = {band} Hz (must be > 0 and at most 0.4 of the sampling rate, {limit:.3} Hz)")]
+    Band {
+        /// As given `[Hz]`.
+        band: f64,
+        /// Upper limit `[Hz]`.
+        limit: f64,
+    },
+    /// A stated gravity or load that does not fit the robot.
+    #[error("{recording}: metadata {key}: {detail}")]
+    Meta {
+        /// Recording as the user named it.
+        recording: String,
+        /// Key.
+        key: &'static str,
+        /// What is wrong.
+        detail: String,
+    },
+}

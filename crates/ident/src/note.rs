@@ -1,0 +1,186 @@
+//! What an identification has to say against itself, each with its numbers.
+
+use core::fmt;
+
+/// Whether the answer may be used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// Nothing speaks against it.
+    Identified,
+    /// There is an answer; the notes say what is wrong with it.
+    Doubtful,
+    /// There is none; the notes say why. The parameters are the nominal ones.
+    NotIdentified,
+}
+
+/// One objection.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[serde(tag = "note", rename_all = "snake_case")]
+pub enum Note {
+    /// A drive hardly moved: its own parameters keep their nominal values and its rows are not used.
+    StandsStill {
+        /// The driven joint.
+        joint: String,
+        /// Its travel `[m | rad]`.
+        travel: f64,
+        /// Travel that would do `[m | rad]`.
+        limit: f64,
+    },
+    /// No drive moved.
+    NoMotion,
+    /// Fewer rows than the parameters need.
+    FewRows {
+        /// Rows of all drives.
+        rows: usize,
+        /// Parameters to estimate.
+        parameters: usize,
+        /// Rows that would do.
+        limit: usize,
+    },
+    /// The motion shows fewer combinations than the robot has: it is rank-deficient.
+    RankDeficient {
+        /// Combinations that some motion of the robot would show.
+        structural: usize,
+        /// Combinations that this one shows.
+        shown: usize,
+        /// Share of the largest pivot below which one counts as zero.
+        tolerance: f64,
+    },
+    /// The base parameters are badly conditioned: small errors of the recordings become large ones of some parameters.
+    IllConditioned {
+        /// Condition number of the base columns at length one.
+        condition: f64,
+        /// Limit.
+        limit: f64,
+        /// Base parameters that could be estimated together below the limit.
+        well_conditioned: usize,
+    },
+    /// Rows that no parameters explain.
+    Outliers {
+        /// Share of rows further than four robust standard deviations off.
+        share: f64,
+        /// Limit.
+        limit: f64,
+    },
+    /// Single samples of effort that stand out of their neighbours; they were replaced by the median around them.
+    Spikes {
+        /// The driven joint.
+        joint: String,
+        /// Share of its samples.
+        share: f64,
+        /// Limit.
+        limit: f64,
+    },
+    /// No physical robot has the parameters that the recordings alone ask for: friction below zero or masses that are none.
+    Infeasible {
+        /// Mean squared weighted residual of the estimate without bounds.
+        unbounded: f64,
+        /// The same of the physical robot that was taken instead.
+        physical: f64,
+        /// Ratio of the two above which this is said.
+        limit: f64,
+    },
+    /// A link of the robot file has an inertia that no body has; the estimate starts from the nearest extended one.
+    NominalNotABody {
+        /// The link.
+        link: String,
+        /// Squared extent that had to be added `[m²]`.
+        added: f64,
+    },
+    /// The convex program did not reach its accuracy.
+    Solver {
+        /// How it ended.
+        outcome: &'static str,
+        /// Iterations.
+        iterations: u32,
+    },
+    /// The reweighting did not settle.
+    NotSettled {
+        /// Passes.
+        iterations: usize,
+    },
+    /// Held-out error of a drive became larger than with the nominal robot.
+    Worse {
+        /// The driven joint.
+        joint: String,
+        /// Nominal error, share of the effort's rms.
+        nominal: f64,
+        /// Error after identification.
+        identified: f64,
+    },
+}
+
+impl Note {
+    /// What this note makes of the answer.
+    #[must_use]
+    pub fn verdict(&self) -> Status {
+        match self {
+            Self::NoMotion | Self::FewRows { .. } | Self::Solver { outcome: "failed", .. } => Status::NotIdentified,
+            Self::NominalNotABody { .. } => Status::Identified,
+            _ => Status::Doubtful,
+        }
+    }
+
+    /// The worst verdict of all.
+    #[must_use]
+    pub fn worst(notes: &[Self]) -> Status {
+        let verdicts: Vec<Status> = notes.iter().map(Self::verdict).collect();
+        [Status::NotIdentified, Status::Doubtful].into_iter().find(|s| verdicts.contains(s)).unwrap_or(Status::Identified)
+    }
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::StandsStill { joint, travel, limit } => {
+                write!(f, "{joint} stands still: it travels {travel:.3e} m or rad (limit {limit:.3e}); its parameters stay nominal")
+            }
+            Self::NoMotion => write!(f, "no drive moves: nothing can be identified"),
+            Self::FewRows { rows, parameters, limit } => {
+                write!(
+                    f,
+                    "{rows} independent rows for {parameters} parameters (at least {limit} are needed): record longer, or raise --band"
+                )
+            }
+            Self::RankDeficient { structural, shown, tolerance } => write!(
+                f,
+                "the motion shows {shown} of {structural} base parameters (pivots below {tolerance:.0e} of the largest count as zero): \
+                 the others stay near nominal"
+            ),
+            Self::IllConditioned { condition, limit, well_conditioned } => write!(
+                f,
+                "condition number {condition:.0} of the base parameters (limit {limit:.0}); {well_conditioned} of them would stay below it: \
+                 look at their intervals, or use a motion made for identification"
+            ),
+            Self::Outliers { share, limit } => write!(
+                f,
+                "{:.1} % of the rows are further than 4 standard deviations off (limit {:.1} %): try --method bisquare, or look at them",
+                100.0 * share,
+                100.0 * limit
+            ),
+            Self::Spikes { joint, share, limit } => write!(
+                f,
+                "{joint}: {:.1} % of its effort samples stood out of their neighbours and were replaced (limit {:.1} %)",
+                100.0 * share,
+                100.0 * limit
+            ),
+            Self::Infeasible { unbounded, physical, limit } => write!(
+                f,
+                "no physical robot has what the recordings ask for: squared error {physical:.3} instead of {unbounded:.3} in units of the \
+                 noise (limit {limit} times): some physics is missing, see `pkm diagnose`"
+            ),
+            Self::NominalNotABody { link, added } => {
+                write!(f, "link {link}: no body has its nominal inertia; {:.1} cm of extent were added to start from", 100.0 * added.sqrt())
+            }
+            Self::Solver { outcome, iterations } => write!(f, "the convex program ended {outcome} after {iterations} iterations"),
+            Self::NotSettled { iterations } => write!(f, "the reweighting did not settle in {iterations} passes"),
+            Self::Worse { joint, nominal, identified } => write!(
+                f,
+                "{joint}: held-out error {:.1} % of the effort, with the nominal robot {:.1} %",
+                100.0 * identified,
+                100.0 * nominal
+            ),
+        }
+    }
+}

@@ -1,0 +1,223 @@
+//! How far estimates can be trusted: covariance with coloured residuals, intervals, whiteness.
+//!
+//! What a model leaves of a recording is not white, so the textbook covariance `(WᵀW)⁻¹` is too small, often several times. Here it is the
+//! sandwich `H⁻¹·Ω·H⁻¹` with `H = Σ WᵀW/σ²` and `Ω` from the autocovariance of each drive's residual, tapered to zero at a lag that the
+//! residual itself gives. Both need only passes over the rows.
+
+use alloc::collections::VecDeque;
+
+use faer::linalg::solvers::Solve;
+use faer::{Mat, Side};
+
+use crate::error::InputError;
+use crate::estimate::robust::dot;
+use crate::observation::{Block, Observation, Rows};
+
+/// Standard deviations to each side of a 95 % interval.
+pub const NORMAL_95: f64 = 1.959_964;
+
+/// Lags that are looked at, at most, and as a share of the rows.
+const MOST_LAGS: usize = 200;
+const LAG_SHARE: usize = 8;
+
+/// Lags of the whiteness test.
+const WHITE_LAGS: usize = 10;
+
+/// The autocovariance counts up to the first run of this many lags within the bounds of white noise.
+const QUIET_RUN: usize = 3;
+
+/// A fit that leaves less than this share of the noise is no fit to take a spread from.
+const LEAST_FREEDOM: f64 = 0.2;
+
+/// Residual of one drive in the order of time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Residual {
+    /// Rows.
+    pub count: usize,
+    /// Standard deviation `[N | N·m]`.
+    pub deviation: f64,
+    /// Autocovariance from lag 0 to where it vanishes `[N² | (N·m)²]`, tapered.
+    pub autocovariance: Vec<f64>,
+    /// Correlation of neighbouring rows.
+    pub lag_one: f64,
+    /// Ljung-Box statistic over ten lags, and what white noise exceeds once in twenty times \[Ljung1978\].
+    pub ljung_box: [f64; 2],
+}
+
+impl Residual {
+    /// Of uniform series (one per recording), zero where there is no residual; `freedom` is the share of degrees of freedom that the fit left, 0 to 1.
+    #[must_use]
+    pub fn of(series: &[Vec<f64>], freedom: f64) -> Self {
+        let count = series.iter().flatten().filter(|e| e.abs() > 0.0).count();
+        let n = count.max(1) as f64;
+        let longest = series.iter().map(Vec::len).max().unwrap_or(0);
+        let lags = MOST_LAGS.min(longest / LAG_SHARE);
+        let product = |s: &Vec<f64>, lag: usize| -> f64 { s.iter().skip(lag).zip(s).map(|(a, b)| a * b).sum() };
+        let raw: Vec<f64> = (0..=lags).map(|lag| series.iter().map(|s| product(s, lag)).sum::<f64>() / n).collect();
+        let variance = raw[0].max(f64::MIN_POSITIVE);
+        let quiet = 2.0 / n.sqrt();
+        let is_quiet = |lag: usize| raw[lag].abs() < quiet * variance;
+        let end = (1..lags.saturating_sub(QUIET_RUN)).find(|&lag| (lag..lag + QUIET_RUN).all(is_quiet)).unwrap_or(lags);
+        // Flat to where the correlation vanishes, then a slope as long: a triangle from lag zero would take a third of what is there.
+        let taper = |lag: usize| if lag <= end { 1.0 } else { (1.0 - (lag - end) as f64 / (end + 1) as f64).max(0.0) };
+        // Slow noise is taken up by slow columns: the fit has eaten more of it than its share of degrees of freedom.
+        let colour = (1.0 + 2.0 * (1..=lags).map(|lag| taper(lag) * raw[lag] / variance).sum::<f64>()).max(1.0);
+        let freedom = (1.0 - (1.0 - freedom) * colour).max(LEAST_FREEDOM);
+        let autocovariance: Vec<f64> = raw.iter().take(2 * end + 2).enumerate().map(|(lag, c)| c * taper(lag) / freedom).collect();
+        let m = WHITE_LAGS.min(lags);
+        let q: f64 = (1..=m).map(|lag| (raw[lag] / variance) * (raw[lag] / variance) / (n - lag as f64)).sum();
+        Self {
+            count,
+            deviation: (raw[0] / freedom).sqrt(),
+            autocovariance,
+            lag_one: raw.get(1).copied().unwrap_or(0.0) / variance,
+            ljung_box: [n * (n + 2.0) * q, chi_square_95(m)],
+        }
+    }
+
+    /// Whether white noise could look like this.
+    #[must_use]
+    pub fn is_white(&self) -> bool {
+        self.ljung_box[0] <= self.ljung_box[1]
+    }
+}
+
+/// What a χ² variable of `m` degrees of freedom exceeds once in twenty times \[Wilson1931\]; within 1 % from `m = 3` on.
+fn chi_square_95(m: usize) -> f64 {
+    let m = m.max(1) as f64;
+    let a = 2.0 / (9.0 * m);
+    let root = 1.0 - a + 1.644_854 * a.sqrt();
+    m * root * root * root
+}
+
+/// Residual series of every drive with the parameters `theta`: [drive][recording][row]; zero where the drive's equation is not used, so
+/// that time stays uniform.
+///
+/// # Errors
+/// Loops that do not close along a recording.
+pub fn residual_series(observation: &Observation<'_>, rows: Rows, theta: &[f64]) -> Result<Vec<Vec<Vec<f64>>>, InputError> {
+    let n_recordings = observation.motions().len();
+    let mut out = vec![vec![Vec::new(); n_recordings]; observation.robot().model.n_act()];
+    observation.each(
+        rows,
+        &mut |block| {
+            for (k, drive) in out.iter_mut().enumerate() {
+                let e = |i: usize| {
+                    if block.is_active(k, i) { block.target(k, i) - dot(block.row(k, i), theta) } else { 0.0 }
+                };
+                drive[block.recording].extend((0..block.len()).map(e));
+            }
+        },
+        &mut |_| {},
+    )?;
+    Ok(out)
+}
+
+/// The two matrices of the sandwich covariance, over one set of independent columns.
+#[derive(Debug, Clone)]
+pub struct Sandwich {
+    /// `H = Σ WᵀW/σ²`.
+    information: Mat<f64>,
+    /// `Ω`: the covariance of `Σ Wᵀe/σ²`.
+    spread: Mat<f64>,
+}
+
+impl Sandwich {
+    /// Over the columns `kept`, residuals coloured as `residuals` say; drives with infinite `noise` do not take part.
+    ///
+    /// # Errors
+    /// Loops that do not close along a recording.
+    pub fn of(observation: &Observation<'_>, kept: &[usize], noise: &[f64], residuals: &[Residual]) -> Result<Self, InputError> {
+        let p = kept.len();
+        let mut out = Self { information: Mat::zeros(p, p), spread: Mat::zeros(p, p) };
+        let mut past: Vec<VecDeque<Vec<f64>>> = vec![VecDeque::new(); noise.len()];
+        let mut recording = usize::MAX;
+        observation.each(
+            Rows::Fitted,
+            &mut |block| {
+                if block.recording != recording {
+                    past.iter_mut().for_each(VecDeque::clear);
+                    recording = block.recording;
+                }
+                for k in (0..noise.len()).filter(|&k| noise[k].is_finite()) {
+                    out.add((block, k), kept, &mut past[k], 1.0 / (noise[k] * noise[k]), &residuals[k].autocovariance);
+                }
+            },
+            &mut |_| {},
+        )?;
+        Ok(out)
+    }
+
+    fn add(&mut self, (block, k): (&Block<'_>, usize), kept: &[usize], past: &mut VecDeque<Vec<f64>>, weight: f64, gamma: &[f64]) {
+        let p = kept.len();
+        let (mut now, mut lagged) = (Mat::<f64>::zeros(block.len(), p), Mat::<f64>::zeros(block.len(), p));
+        for i in 0..block.len() {
+            let is_active = block.is_active(k, i);
+            past.push_front(kept.iter().map(|&j| if is_active { block.row(k, i)[j] } else { 0.0 }).collect());
+            past.truncate(gamma.len());
+            for (lag, (old, c)) in past.iter().zip(gamma).enumerate() {
+                // Each pair of rows once: the other half is the transpose.
+                let c = if lag == 0 { 0.5 * c } else { *c };
+                for (j, x) in old.iter().enumerate() {
+                    lagged[(i, j)] += c * x;
+                }
+            }
+            for (j, x) in past[0].iter().enumerate() {
+                now[(i, j)] = *x;
+            }
+        }
+        self.information += now.transpose() * &now * faer::Scale(weight);
+        let half = now.transpose() * &lagged * faer::Scale(weight * weight);
+        self.spread += &half + half.transpose();
+    }
+
+    /// Covariance of weighted least squares on some of the columns, given by their places among `kept`; `None` when it is singular.
+    #[must_use]
+    pub fn covariance(&self, of: &[usize]) -> Option<Mat<f64>> {
+        let p = of.len();
+        // Columns at length one, so that kilograms and kilogram square metres meet at one size.
+        let length: Vec<f64> = of.iter().map(|&j| self.information[(j, j)].sqrt().max(f64::MIN_POSITIVE)).collect();
+        let scaled = |m: &Mat<f64>| Mat::from_fn(p, p, |i, j| m[(of[i], of[j])] / (length[i] * length[j]));
+        let inverse = scaled(&self.information).llt(Side::Lower).ok()?.solve(Mat::<f64>::identity(p, p));
+        let sandwich = &inverse * scaled(&self.spread) * &inverse;
+        Some(Mat::from_fn(p, p, |i, j| sandwich[(i, j)] / (length[i] * length[j])))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers that look random: a linear congruence, summed to be near normal.
+    fn noise(n: usize) -> Vec<f64> {
+        let mut x = 12345_u64;
+        let mut unit = || {
+            x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (x >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        (0..n).map(|_| (0..12).map(|_| unit()).sum::<f64>() - 6.0).collect()
+    }
+
+    #[test]
+    fn white_noise_is_called_white_and_coloured_noise_is_not() {
+        let white = Residual::of(&[noise(4000)], 1.0);
+        assert!(white.is_white() && (white.deviation - 1.0).abs() < 0.03 && white.autocovariance.len() < 10, "{white:?}");
+        let mut last = 0.0;
+        let coloured: Vec<f64> = noise(4000)
+            .into_iter()
+            .map(|e| {
+                last = 0.9 * last + e;
+                last
+            })
+            .collect();
+        let coloured = Residual::of(&[coloured], 1.0);
+        assert!(!coloured.is_white() && (coloured.lag_one - 0.9).abs() < 0.02 && coloured.autocovariance.len() > 20, "{coloured:?}");
+    }
+
+    #[test]
+    fn the_table_of_chi_square_is_met() {
+        for (m, want) in [(5, 11.070), (10, 18.307), (20, 31.410)] {
+            assert!((chi_square_95(m) / want - 1.0).abs() < 2e-3, "{m}: {}", chi_square_95(m));
+        }
+    }
+}

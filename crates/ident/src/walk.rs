@@ -1,0 +1,334 @@
+//! One pass over one recording: columns and effort sample by sample, filtered and thinned window by window.
+//!
+//! A window is long against the filter's memory and overlaps the next by twice that, so the seams do not show.
+
+use pkm_dyn::effects::{Law, Robot};
+use pkm_dyn::inverse_dynamics::{closed_loop_motion, rigid_effort};
+use pkm_dyn::parameters::InertialParameters;
+use pkm_dyn::{Data, Model, loops, math};
+
+use crate::columns::Columns;
+use crate::error::InputError;
+use crate::filter::{LowPass, advanced, derivative};
+use crate::motion::{Motion, Use, top_speed};
+use crate::observation::{BLOCKS, Block, Observation, Rows, Standstill};
+
+/// Rows per period of the band: with the filter's power halved twice at the band, hardly anything is left above half of that.
+const ROWS_PER_PERIOD: f64 = 2.5;
+
+/// The filter's memory in periods of the band: its slowest pole has then decayed to 5e-7.
+const MEMORY_PERIODS: f64 = 6.0;
+
+/// Samples handed to the filter at once, at least.
+const WINDOW: usize = 4096;
+
+/// A joint slower than this share of its top speed stands still.
+const STANDSTILL: f64 = 0.01;
+
+/// The model during one recording: gravity as stated for it, a known load fixed.
+pub(crate) fn model_for(model: &Model, motion: &Motion) -> Result<Model, InputError> {
+    let mut model = model.clone();
+    if let Some(g) = motion.gravity {
+        model.gravity = g.into();
+    }
+    if let Some(load) = &motion.load {
+        let bad = |detail: String| InputError::Meta { recording: motion.name.clone(), key: "load", detail };
+        let link = model.link_index(&load.link).ok_or_else(|| bad(format!("no link {:?} in this robot", load.link)))?;
+        if !(load.mass.is_finite() && load.mass >= 0.0) {
+            return Err(bad(format!("mass = {} kg (must be finite and >= 0)", load.mass)));
+        }
+        let body = InertialParameters::from_centre_of_mass(load.mass, load.xyz.into(), nalgebra::Matrix3::zeros());
+        let sum = model.links[link].parameters.joined(&body);
+        model.set_link_parameters(link, sum);
+    }
+    Ok(model)
+}
+
+pub(crate) fn thin(dt: f64, band: f64) -> usize {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a ratio of two positive rates")]
+    let n = (1.0 / (dt * ROWS_PER_PERIOD * band)).floor() as usize;
+    n.max(1)
+}
+
+/// `v/√(v² + w²)`: the sign of `v`, passing through zero over a width `w`.
+fn soft_sign(v: f64, width: f64) -> f64 {
+    let length = math::sqrt(v * v + width * width);
+    if length > 0.0 { v / length } else { 0.0 }
+}
+
+/// Samples at which a joint stands. A margin on both sides covers the smoothing of the velocity: inside it neither speed nor
+/// acceleration is known.
+fn standing(v: &[f64], dt: f64, band: f64) -> Vec<bool> {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a positive time over a positive period")]
+    let margin = (0.1 / (band * dt)).ceil() as usize;
+    let slow = STANDSTILL * top_speed(v);
+    let mut out = vec![false; v.len()];
+    for i in 0..v.len() {
+        let reverses = i > 0 && v[i] * v[i - 1] < 0.0;
+        if v[i].abs() <= slow || reverses {
+            out[i.saturating_sub(margin)..(i + margin + 1).min(v.len())].fill(true);
+        }
+    }
+    out
+}
+
+/// What the drive's electronics make of an effort: scale, lag and delay of the robot file.
+#[derive(Debug, Clone, Copy)]
+struct Electronics {
+    scale: f64,
+    lag: f64,
+    delay: f64,
+}
+
+impl Electronics {
+    fn of(robot: &Robot, j: usize) -> Self {
+        Self {
+            scale: robot.chain(j, |law| matches!(law, Law::EffortScale)).product(),
+            lag: robot.chain(j, |law| matches!(law, Law::EffortLag)).sum(),
+            delay: robot.chain(j, |law| matches!(law, Law::EffortDelay)).sum(),
+        }
+    }
+
+    /// The effort as it would be recorded while `x` acts.
+    fn recorded(&self, mut x: Vec<f64>, dt: f64) -> Vec<f64> {
+        if self.lag > 0.0 {
+            let rate = derivative(&x, dt);
+            x.iter_mut().zip(rate).for_each(|(x, r)| *x += self.lag * r);
+        }
+        if self.delay.abs() > 0.0 {
+            x = advanced(&x, self.delay, dt);
+        }
+        x.iter_mut().for_each(|x| *x /= self.scale);
+        x
+    }
+}
+
+/// One pass over one recording.
+pub(crate) struct Walk<'o> {
+    columns: &'o Columns,
+    motion: &'o Motion,
+    index: usize,
+    rows: Rows,
+    model: Model,
+    data: Data,
+    electronics: Vec<Electronics>,
+    still: Vec<Vec<bool>>,
+    width: Vec<f64>,
+    /// Parameters of known loads of this recording times their columns are taken off the effort.
+    load: Vec<f64>,
+    filter: LowPass,
+    thin: usize,
+    edge: usize,
+    margin: usize,
+    window: usize,
+    /// [drive][column, then known effort, effort, moving][sample of the window].
+    series: Vec<Vec<Vec<f64>>>,
+    /// First raw sample of the window.
+    from: usize,
+}
+
+impl<'o> Walk<'o> {
+    pub(crate) fn try_new(o: &'o Observation<'_>, index: usize, motion: &'o Motion, rows: Rows) -> Result<Self, InputError> {
+        let robot = o.robot();
+        let model = model_for(&robot.model, motion)?;
+        let data = Data::new(&model);
+        if data.n_ind() != model.n_act() {
+            return Err(InputError::Redundant { robot: model.name.clone(), drives: model.n_act(), freedoms: data.n_ind() });
+        }
+        let samples = |periods: f64| {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a ratio of two positive rates")]
+            let n = (periods / (o.band() * motion.dt)).ceil() as usize;
+            n.max(1)
+        };
+        let margin = samples(MEMORY_PERIODS);
+        let window = WINDOW.max(4 * margin);
+        let cut = rows == Rows::Fitted && o.options().standstill == Standstill::Cut;
+        let still = |v: &Vec<f64>| if cut { standing(v, motion.dt, o.band()) } else { vec![false; v.len()] };
+        let n_series = o.columns().len() + 3;
+        // A known load is a column of the standard parameters with a known value.
+        let load = o.columns().links.iter().flat_map(|&l| {
+            let change = model.links[l].parameters.to_vector() - robot.model.links[l].parameters.to_vector();
+            change.iter().copied().collect::<Vec<_>>()
+        });
+        Ok(Self {
+            columns: o.columns(),
+            motion,
+            index,
+            rows,
+            data,
+            electronics: model.actuators.iter().map(|&j| Electronics::of(robot, j)).collect(),
+            still: motion.v.iter().map(still).collect(),
+            width: vec![0.0; model.nv()],
+            load: load.collect(),
+            filter: LowPass::new(o.band(), motion.dt),
+            thin: thin(motion.dt, o.band()),
+            edge: samples(1.0),
+            margin,
+            window,
+            series: vec![vec![vec![0.0; window.min(motion.len())]; n_series]; model.n_act()],
+            from: 0,
+            model,
+        }
+        .with_widths(o.options().softness))
+    }
+
+    /// Widths of the direction's passage through zero: drives from their own speed, passive joints as they come along.
+    fn with_widths(mut self, softness: f64) -> Self {
+        let tops: Vec<f64> = self.motion.v.iter().map(|v| top_speed(v)).collect();
+        for (&j, top) in self.model.actuators.iter().zip(&tops) {
+            self.width[j] = softness * top;
+        }
+        // A passive joint's top speed needs the whole motion; the drives' speeds through the reduction at the start are its size.
+        let q: Vec<f64> = self.motion.q.iter().map(|q| q[0]).collect();
+        let _checked_by_run = loops::assemble(&self.model, &mut self.data);
+        let _checked_by_run = loops::walk_to(&self.model, &mut self.data, &q);
+        for j in self.model.passive() {
+            let square: f64 = tops.iter().enumerate().map(|(k, top)| (self.data.reduction[(j, k)] * top).abs()).map(|x| x * x).sum();
+            self.width[j] = softness * math::sqrt(square);
+        }
+        self
+    }
+
+    pub(crate) fn run(&mut self, visit: &mut dyn FnMut(&Block<'_>), progress: &mut dyn FnMut(usize)) -> Result<(), InputError> {
+        let (n, n_act) = (self.motion.len(), self.model.n_act());
+        let (mut q, mut v, mut a) = (vec![0.0; n_act], vec![0.0; n_act], vec![0.0; n_act]);
+        let mut out_from = 0;
+        for i in 0..n {
+            for k in 0..n_act {
+                (q[k], v[k], a[k]) = (self.motion.q[k][i], self.motion.v[k][i], self.motion.a[k][i]);
+            }
+            if i == 0 {
+                let home = loops::assemble(&self.model, &mut self.data);
+                self.check(&home, 0)?;
+                let start = loops::walk_to(&self.model, &mut self.data, &q);
+                self.check(&start, 0)?;
+            }
+            let closure = closed_loop_motion(&self.model, &mut self.data, &q, &v, &a);
+            self.check(&closure, i)?;
+            self.store(i);
+            let is_last = i + 1 == n;
+            if is_last || i + 1 - self.from == self.window {
+                let out_to = if is_last { n } else { i + 1 - self.margin };
+                self.hand_out(out_from, out_to, i + 1 - self.from, visit);
+                progress(i);
+                self.shift(out_to);
+                out_from = out_to;
+            }
+        }
+        Ok(())
+    }
+
+    fn check(&self, closure: &loops::Closure, i: usize) -> Result<(), InputError> {
+        if closure.is_closed {
+            return Ok(());
+        }
+        let (recording, robot) = (self.motion.name.clone(), self.model.name.clone());
+        let time = self.motion.start + self.motion.dt * i as f64;
+        if closure.gap < 1e-9 {
+            let passive = self.data.dependent.len();
+            return Err(InputError::Singular { recording, time, rank: closure.rank, passive, robot });
+        }
+        Err(InputError::Open { recording, time, row: closure.row, gap: closure.gap, robot })
+    }
+
+    /// Raw sample `i` into the window.
+    fn store(&mut self, i: usize) {
+        let at = i - self.from;
+        let n_act = self.model.n_act();
+        for series in self.series.iter_mut().flatten() {
+            series[at] = 0.0;
+        }
+        let direction: Vec<f64> = self.data.v.iter().zip(&self.width).map(|(v, w)| soft_sign(*v, *w)).collect();
+        let known = self.known(&direction);
+        let p = self.columns.len();
+        let (still, series, load) = (&self.still, &mut self.series, &self.load);
+        let mut known_load = vec![0.0; n_act];
+        self.columns.fill(&self.model, &mut self.data, &direction, &mut |k, c, x| {
+            if !still[k][i] {
+                series[k][c][at] = x;
+                known_load[k] += load.get(c).map_or(0.0, |l| l * x);
+            }
+        });
+        for k in (0..n_act).filter(|&k| !still[k][i]) {
+            series[k][p][at] = known[k] + known_load[k];
+            series[k][p + 1][at] = self.motion.tau[k][i];
+            series[k][p + 2][at] = 1.0;
+        }
+    }
+
+    /// Effort of the effects that stay as the robot file has them.
+    fn known(&mut self, direction: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; self.model.n_act()];
+        if self.columns.has_kept_effort() {
+            rigid_effort(&self.model, &mut self.data);
+            let load = self.data.tau_act.clone();
+            self.columns.kept_effort(&self.model, &self.data, direction, &load, &mut out);
+        }
+        out
+    }
+
+    /// Filters the first `len` samples of the window and hands out rows `from..to` (raw samples).
+    fn hand_out(&self, from: usize, to: usize, len: usize, visit: &mut dyn FnMut(&Block<'_>)) {
+        let taken: Vec<usize> = (from.next_multiple_of(self.thin)..to).step_by(self.thin).filter(|&i| self.is_wanted(i)).collect();
+        if taken.is_empty() {
+            return;
+        }
+        let p = self.columns.len();
+        let n_act = self.model.n_act();
+        let mut w = vec![vec![0.0; taken.len() * p]; n_act];
+        let (mut z, mut tau, mut active) = (Vec::new(), Vec::new(), Vec::new());
+        for (k, w) in w.iter_mut().enumerate() {
+            let filtered = |s: &[f64], is_effort: bool| -> Option<Vec<f64>> {
+                let s = &s[..len];
+                // Most columns of most drives are zero by structure.
+                if s.iter().all(|x| x.abs() <= 0.0) {
+                    return None;
+                }
+                let recorded = if is_effort {
+                    self.filter.apply(s)
+                } else {
+                    self.filter.apply(&self.electronics[k].recorded(s.to_vec(), self.motion.dt))
+                };
+                Some(taken.iter().map(|&i| recorded[i - self.from]).collect())
+            };
+            let or_zero = |x: Option<Vec<f64>>| x.unwrap_or_else(|| vec![0.0; taken.len()]);
+            for c in 0..p {
+                if let Some(column) = filtered(&self.series[k][c], false) {
+                    column.iter().enumerate().for_each(|(i, x)| w[i * p + c] = *x);
+                }
+            }
+            let known = or_zero(filtered(&self.series[k][p], false));
+            let effort = or_zero(filtered(&self.series[k][p + 1], true));
+            let moving = or_zero(filtered(&self.series[k][p + 2], true));
+            z.push(effort.iter().zip(&known).map(|(t, k)| t - k).collect::<Vec<_>>());
+            active.push(moving.iter().map(|m| *m > 0.5).collect::<Vec<_>>());
+            tau.push(effort);
+        }
+        let time: Vec<f64> = taken.iter().map(|&i| self.motion.start + self.motion.dt * i as f64).collect();
+        let fold: Vec<usize> = taken.iter().map(|&i| self.index * BLOCKS + self.block(i)).collect();
+        visit(&Block { recording: self.index, time: &time, fold: &fold, n_columns: p, w: &w, z: &z, tau: &tau, active: &active });
+    }
+
+    fn block(&self, i: usize) -> usize {
+        (i * BLOCKS / self.motion.len()).min(BLOCKS - 1)
+    }
+
+    /// Whether raw sample `i` is a row: measured all around it, away from the ends (filters have no past there), and of this kind.
+    fn is_wanted(&self, i: usize) -> bool {
+        let n = self.motion.len();
+        let is_held_out = self.motion.used == Use::Holdout || (self.motion.used == Use::Both && self.block(i) % 2 == 1);
+        let around = &self.motion.valid[i.saturating_sub(self.thin)..(i + self.thin + 1).min(n)];
+        is_held_out == (self.rows == Rows::HeldOut) && i >= self.edge && i + self.edge < n && around.iter().all(|ok| *ok)
+    }
+
+    /// Moves the window on so that it begins one margin before raw sample `to`.
+    fn shift(&mut self, to: usize) {
+        let new_from = to.saturating_sub(self.margin).max(self.from);
+        let by = new_from - self.from;
+        for series in self.series.iter_mut().flatten() {
+            let len = series.len();
+            series.copy_within(by.min(len)..len, 0);
+        }
+        self.from = new_from;
+    }
+}
