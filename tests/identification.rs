@@ -372,7 +372,7 @@ fn ninety_five_percent_intervals_hold_the_truth_nineteen_times_in_twenty() {
             inside += usize::from(p.ci95[0] <= want && want <= p.ci95[1]);
         }
     }
-    let share = f64::from(inside as u32) / f64::from(all as u32);
+    let share = inside as f64 / f64::from(all);
     println!("{inside} of {all} intervals hold the truth: {share:.3}");
     assert!((0.90..=0.99).contains(&share), "{share}");
 }
