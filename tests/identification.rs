@@ -325,7 +325,8 @@ fn ten_percent_of_the_time_in_contact_is_told_and_survived_by_robust_weights() {
         // A push of half a second in every five.
         tau.iter_mut().zip(&time).filter(|(_, t)| (*t % 5.0) > 4.5).for_each(|(tau, _)| *tau += 15.0);
     }
-    let [plain, robust] = [Method::Wls, Method::Bisquare].map(|m| go(&description.robot, core::slice::from_ref(&train), core::slice::from_ref(&test), &settings(m)));
+    let [plain, robust] = [Method::Wls, Method::Bisquare]
+        .map(|m| go(&description.robot, core::slice::from_ref(&train), core::slice::from_ref(&test), &settings(m)));
     assert!(says(&robust, |n| matches!(n, Note::Outliers { share, .. } if (0.05..0.2).contains(share))), "{:?}", robust.notes);
     assert_ne!(plain.status, Status::Identified, "{:?}", plain.notes);
     let (plain, robust) = (plain.pooled(|j| j.identified), robust.pooled(|j| j.identified));

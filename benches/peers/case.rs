@@ -44,6 +44,8 @@ pub(crate) struct Case {
     pub(crate) name: String,
     pub(crate) model: Model,
     pub(crate) states: Vec<State>,
+    /// Joints that the others follow on the other side, which has no notion of surplus drives.
+    pub(crate) independent: Vec<usize>,
 }
 
 struct Dice(ChaCha8Rng);
@@ -64,7 +66,8 @@ impl Case {
     pub(crate) fn new(name: &str, model: Model) -> Self {
         let mut dice = Dice(ChaCha8Rng::seed_from_u64(20_261_126));
         let states = if model.is_constrained() { closed_states(&model, &mut dice) } else { open_states(&model, &mut dice) };
-        Self { name: name.to_string(), model, states }
+        let independent = Data::new(&model).independent;
+        Self { name: name.to_string(), model, states, independent }
     }
 
     /// Whether every loop is a ball joint and there is nothing else: what the other side can express.
@@ -91,7 +94,6 @@ impl Case {
     /// The robot as numbers, in the order peer.cpp reads them; bodies count from 1, the root is 0.
     fn text(&self) -> String {
         let m = &self.model;
-        let independent = Data::new(m).independent;
         let mut out = String::new();
         line(&mut out, m.gravity.as_slice());
         let _ = writeln!(out, "{}", m.nv());
@@ -105,7 +107,7 @@ impl Case {
             pose(&mut out, &joint.placement);
             line(&mut out, m.bodies[i].to_vector().as_slice());
             // Of more drives than freedoms, those the others follow: the other side has no notion of the rest.
-            line(&mut out, &[joint.armature, f64::from(u8::from(independent.contains(&i)))]);
+            line(&mut out, &[joint.armature, f64::from(u8::from(self.independent.contains(&i)))]);
         }
         let loops = if self.has_ball_loops() { m.loops.as_slice() } else { &[] };
         let _ = writeln!(out, "{}", loops.len());
@@ -143,14 +145,17 @@ fn open_states(model: &Model, dice: &mut Dice) -> Vec<State> {
 }
 
 fn closed_states(model: &Model, dice: &mut Dice) -> Vec<State> {
-    let mut data = Data::new(model);
-    let home = mid_pose(model);
-    assert!(assemble(model, &mut data).is_closed && walk_to(model, &mut data, &home).is_closed, "the loops close at mid travel");
+    // As many drives as freedoms: those of them that are too many are where the loops put them.
+    let mut driven = model.clone();
+    driven.actuators = Data::new(model).independent;
+    let mut data = Data::new(&driven);
+    let home = mid_pose(&driven);
+    assert!(assemble(&driven, &mut data).is_closed && walk_to(&driven, &mut data, &home).is_closed, "the loops close at mid travel");
     let centre = data.q.clone();
     let mut states = Vec::new();
     for _ in 0..STATES {
         data.q.copy_from_slice(&centre);
-        states.extend(stretch(model, &mut data, &home, dice).unwrap_or_default());
+        states.extend(stretch(model, &driven, &mut data, dice).unwrap_or_default());
         if states.len() == STATES {
             return states;
         }
@@ -159,41 +164,35 @@ fn closed_states(model: &Model, dice: &mut Dice) -> Vec<State> {
 }
 
 /// A short motion near the pose in `data.q`, one state a millisecond, or none when it leaves reach or comes close to singular.
-fn stretch(model: &Model, data: &mut Data, home: &[f64], dice: &mut Dice) -> Option<Vec<State>> {
-    let n = data.n_ind();
-    let start: Vec<f64> = home.iter().map(|c| c + dice.within(REACH_M)).collect();
+fn stretch(model: &Model, driven: &Model, data: &mut Data, dice: &mut Dice) -> Option<Vec<State>> {
+    let n = driven.n_act();
+    let start: Vec<f64> = driven.actuators.iter().map(|&j| data.q[j] + dice.within(REACH_M)).collect();
     let (speed, rate) = (dice.each(0.2, n), dice.each(4.0, n));
-    let closure = walk_to(model, data, &start);
+    let closure = walk_to(driven, data, &start);
     if !closure.is_closed || closure.pivot_ratio < REGULAR {
         return None;
     }
-    // Drives that follow the others are where the loops put them.
-    let start: Vec<f64> = data.independent.iter().map(|&j| data.q[j]).collect();
     let mut states = Vec::new();
-    for k in 0..STRETCH {
-        let t = 1e-3 * k as f64;
+    for sample in 0..STRETCH {
+        let t = 1e-3 * sample as f64;
         let at = |t: f64| -> Vec<f64> { (0..n).map(|k| start[k] + t * speed[k] + 0.5 * t * t * rate[k]).collect() };
-        let v_ind: Vec<f64> = (0..n).map(|k| speed[k] + t * rate[k]).collect();
+        let v: Vec<f64> = (0..n).map(|k| speed[k] + t * rate[k]).collect();
         let mut before = [Vec::new(), Vec::new()];
         for (pose, ago) in before.iter_mut().zip(BEFORE_S) {
-            close(model, data, &at(t - ago))?;
+            close(driven, data, &at(t - ago))?;
             pose.clone_from(&data.q);
         }
-        close(model, data, &at(t))?;
-        let given = |x: &[f64], free: &[f64]| -> Vec<f64> {
-            let of = |j: &usize| data.independent.iter().position(|i| i == j).map_or(free[*j], |k| x[k]);
-            model.actuators.iter().map(of).collect()
-        };
-        let (q_act, v_act, a_act) = (given(&at(t), &data.q), given(&v_ind, &data.v), given(&rate, &data.a));
-        solve_velocities(model, data, &v_act);
-        solve_accelerations(model, data, &a_act);
-        let (q, v, a) = (data.q.clone(), data.v.clone(), data.a.clone());
+        close(driven, data, &at(t))?;
+        solve_velocities(driven, data, &v);
+        solve_accelerations(driven, data, &rate);
+        let drives = [&data.q, &data.v, &data.a].map(|x| model.actuators.iter().map(|&j| x[j]).collect());
         let mut tau = vec![0.0; model.nv()];
         // Efforts at the drives alone: what a controller could send.
         for &j in &model.actuators {
             tau[j] = dice.within(300.0);
         }
-        states.push(State { q, v, a, tau, before, drives: [q_act, v_act, a_act], is_first: k == 0 });
+        let (q, v, a) = (data.q.clone(), data.v.clone(), data.a.clone());
+        states.push(State { q, v, a, tau, before, drives, is_first: sample == 0 });
     }
     Some(states)
 }

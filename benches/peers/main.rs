@@ -41,7 +41,7 @@ fn options() -> Result<Options, String> {
             "--table" => out.table = Some(value.into()),
             "--rounds" => out.rounds = value.parse().map_err(|e| format!("--rounds {value:?}: {e}"))?,
             "--peer" => {
-                let (name, program) = value.split_once('=').ok_or_else(|| format!("--peer {value:?}: NAME=PROGRAM"))?;
+                let (name, program) = value.rsplit_once('=').ok_or_else(|| format!("--peer {value:?}: NAME=PROGRAM"))?;
                 out.peers.push(Peer::start(name, program)?);
             }
             _ => return Err(format!("unknown {word:?}; {USAGE}")),

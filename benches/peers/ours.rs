@@ -114,23 +114,34 @@ pub(crate) const ALGORITHMS: &[Algorithm] = &[
         call: |c, d, s| {
             let _ = black_box(inverse_dynamics_at(&c.model, d, &s.q, &s.v, &s.a));
         },
-        result: |_, d, out| out.extend(&d.tau_ind),
+        result: efforts,
     },
     Algorithm {
         name: "inverse_dynamics, following at 1 kHz",
         theirs: &["step_1ms"],
         is_closed_loop: true,
         call: |c, d, s| step(c, d, s, 0),
-        result: |_, d, out| out.extend(&d.tau_ind),
+        result: efforts,
     },
     Algorithm {
         name: "inverse_dynamics, from a pose 10 ms before",
         theirs: &["step_10ms"],
         is_closed_loop: true,
         call: |c, d, s| step(c, d, s, 1),
-        result: |_, d, out| out.extend(&d.tau_ind),
+        result: efforts,
     },
 ];
+
+/// Efforts at the coordinates that were independent at the start, and are so on the other side: with more drives than freedoms they
+/// change with the pose.
+fn efforts(case: &Case, data: &Data, out: &mut Vec<f64>) {
+    let now = nalgebra::DVector::from_column_slice(&data.tau_ind);
+    let speeds = nalgebra::DMatrix::from_fn(data.n_ind(), data.n_ind(), |i, k| data.reduction[(case.independent[i], k)]);
+    match speeds.transpose().lu().solve(&now) {
+        Some(then) => out.extend(then.iter()),
+        None => out.extend(now.iter().map(|_| f64::NAN)),
+    }
+}
 
 /// The sample a millisecond before is the state before: what `data` knows of it serves, as it does in a loop. Ten milliseconds before
 /// there is only the pose.

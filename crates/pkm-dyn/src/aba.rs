@@ -4,7 +4,7 @@ use nalgebra::{Matrix6, Vector3, Vector6};
 
 use crate::crba::inertias;
 use crate::data::Data;
-use crate::kinematics::{forward_kinematics, world_velocities};
+use crate::kinematics::{root_poses, world_velocities};
 use crate::model::Model;
 use crate::spatial::{Force, Motion, skew};
 
@@ -28,7 +28,7 @@ pub(crate) struct Articulated {
 /// `q` `[m | rad]`, `v` `[m/s | rad/s]`, nv each. Loops are open; a joint that moves no inertia at all gets no finite acceleration
 /// [Featherstone2008, table 7.1].
 pub fn aba<'d>(model: &Model, data: &'d mut Data, q: &[f64], v: &[f64], tau: &[f64]) -> &'d [f64] {
-    forward_kinematics(model, data, q);
+    root_poses(model, data, q);
     world_velocities(model, data, v);
     inertias(model, data);
     for i in 0..model.nv() {

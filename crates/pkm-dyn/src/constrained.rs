@@ -9,7 +9,7 @@ use nalgebra::DMatrix;
 use crate::crba::composites;
 use crate::data::Data;
 use crate::inverse_dynamics::{tree_accelerations, tree_efforts};
-use crate::kinematics::{forward_kinematics, world_velocities};
+use crate::kinematics::{root_poses, world_velocities};
 use crate::loops::{Closure, add_drift, choose_anew, close_at, expand, factor_at, loop_drift, reduce, reduced};
 use crate::model::Model;
 use crate::small;
@@ -113,7 +113,7 @@ fn has_inertia(data: &Data) -> bool {
 
 /// Kinematics, reduction and the accelerations that the velocities alone cause, at a given state.
 fn at_state(model: &Model, data: &mut Data, q: &[f64], v: &[f64], stabilisation: Stabilisation) -> Closure {
-    forward_kinematics(model, data, q);
+    root_poses(model, data, q);
     data.q.copy_from_slice(q);
     data.v.copy_from_slice(v);
     let closure = factor_at(model, data);

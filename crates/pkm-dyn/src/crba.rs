@@ -3,14 +3,14 @@
 use nalgebra::DMatrix;
 
 use crate::data::Data;
-use crate::kinematics::forward_kinematics;
+use crate::kinematics::root_poses;
 use crate::model::Model;
 
 /// Mass matrix of the tree, nv × nv `[kg, kg·m, kg·m²]`, all of it: `data.mass_matrix`. Rotor inertia is on the diagonal.
 ///
 /// `q` `[m | rad]`, nv. In the root's frame composite bodies are sums and no wrench need be moved [Featherstone2008, table 6.2].
 pub fn crba<'d>(model: &Model, data: &'d mut Data, q: &[f64]) -> &'d DMatrix<f64> {
-    forward_kinematics(model, data, q);
+    root_poses(model, data, q);
     composites(model, data);
     &data.mass_matrix
 }

@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use crate::data::Data;
-use crate::kinematics::{forward_kinematics, world_accelerations, world_velocities};
+use crate::kinematics::{root_poses, world_accelerations, world_velocities};
 use crate::loops::{Closure, choose_anew, distribute, factor_at, reduce, reduced, solve_accelerations, solve_positions, solve_velocities};
 use crate::math;
 use crate::model::Model;
@@ -45,7 +45,7 @@ pub fn inverse_dynamics(model: &Model, data: &mut Data, q_act: &[f64], v_act: &[
 /// As [`inverse_dynamics`], for a motion of the whole tree that is known: `q` `[m | rad]`, `v` `[m/s | rad/s]`, `a` `[m/s² | rad/s²]`, nv
 /// each. It is taken to close the loops; the gap is in the result.
 pub fn inverse_dynamics_at(model: &Model, data: &mut Data, q: &[f64], v: &[f64], a: &[f64]) -> Closure {
-    forward_kinematics(model, data, q);
+    root_poses(model, data, q);
     data.q.copy_from_slice(q);
     data.v.copy_from_slice(v);
     data.a.copy_from_slice(a);

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3xX, Matrix6xX, Vector3};
 
 use crate::data::Data;
-use crate::kinematics::{forward_kinematics, frame_pose, frame_velocity, world_velocities};
+use crate::kinematics::{forward_kinematics, frame_pose, frame_velocity, root_poses, world_velocities};
 use crate::model::{FrameOnBody, Model, Part};
 use crate::spatial::{Motion, Pose};
 
@@ -22,7 +22,7 @@ pub enum Reference {
 /// Unit motions of all joints at the root's origin, 6 × nv, linear part first: `data.jacobian`. `q` `[m | rad]`, nv.
 #[doc(alias = "computeJointJacobians")]
 pub fn joint_jacobians<'d>(model: &Model, data: &'d mut Data, q: &[f64]) -> &'d Matrix6xX<f64> {
-    forward_kinematics(model, data, q);
+    root_poses(model, data, q);
     for j in 0..model.nv() {
         put(&mut data.jacobian, j, &data.axis_w[j]);
     }

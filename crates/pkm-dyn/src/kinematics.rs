@@ -21,9 +21,19 @@ pub(crate) fn joint_poses(model: &Model, data: &mut Data, q: &[f64]) {
 /// `data.pose_wb`, `data.axis_w`.
 #[doc(alias = "forwardKinematics")]
 pub fn forward_kinematics(model: &Model, data: &mut Data, q: &[f64]) {
+    walk(model, data, q, |data, i, x| data.pose_pb[i] = *x);
+}
+
+/// As [`forward_kinematics`], without the poses in parents: what everything in the root's frame needs.
+pub(crate) fn root_poses(model: &Model, data: &mut Data, q: &[f64]) {
+    walk(model, data, q, |_, _, _| ());
+}
+
+#[inline(always)]
+fn walk(model: &Model, data: &mut Data, q: &[f64], keep: impl Fn(&mut Data, usize, &Pose)) {
     for (i, joint) in model.joints.iter().enumerate() {
         let x = joint.pose(&q[i..]);
-        data.pose_pb[i] = x;
+        keep(data, i, &x);
         let in_root = match joint.parent {
             Some(p) => data.pose_wb[p].compose(&x),
             None => x,

@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use crate::configuration::integrate;
 use crate::data::Data;
 use crate::elimination::Elimination;
-use crate::kinematics::{forward_kinematics, world_velocities};
+use crate::kinematics::{root_poses, world_velocities};
 use crate::loops::actuation::fitted;
 use crate::loops::gap::{gap_rows, jacobian_rows, loop_drift, loop_gap};
 use crate::loops::independent::choose_anew;
@@ -82,7 +82,7 @@ pub fn solve_positions(model: &Model, data: &mut Data, q_act: &[f64]) -> Closure
             data.q[j] = value;
         }
         let q = core::mem::take(&mut data.q);
-        forward_kinematics(model, data, &q);
+        root_poses(model, data, &q);
         data.q = q;
         return Closure::of_tree();
     }
@@ -134,7 +134,7 @@ pub fn close_at(model: &Model, data: &mut Data) -> Closure {
         return newton(model, data, false);
     }
     let q = core::mem::take(&mut data.q);
-    forward_kinematics(model, data, &q);
+    root_poses(model, data, &q);
     data.q = q;
     Closure::of_tree()
 }
@@ -177,7 +177,7 @@ fn newton(model: &Model, data: &mut Data, may_reuse: bool) -> Closure {
     let mut is_factored = false;
     for iterations in 0..=MAX_ITERATIONS {
         let q = core::mem::take(&mut data.q);
-        forward_kinematics(model, data, &q);
+        root_poses(model, data, &q);
         gap_rows(model, data, &q);
         data.q = q;
         (out.gap, out.row) = largest(&data.loop_gap);
