@@ -15,6 +15,7 @@ mod progress;
 mod random;
 mod robot_file;
 mod seal;
+mod simulate;
 mod trial_null;
 mod workspace;
 
@@ -43,6 +44,7 @@ Look at a robot:
   export      Write a robot for Pinocchio or MuJoCo
 
 Handle recordings:
+  simulate    Record a simulated robot, with or without concealed physics
   convert     Turn a CSV recording into MCAP, or back
 
 Find missing physics:
@@ -58,6 +60,7 @@ Options:
 Examples:
   pkm demo
   pkm check prs3
+  pkm simulate prs3 --out A.mcap --hide 'friction_coulomb@q1:coulomb=20'
   pkm diagnose robot.toml --recording A.csv --holdout B.csv --json out.json --html out.html
   pkm convert A.csv A.mcap --robot robot.toml
   pkm effects friction_stribeck
@@ -88,6 +91,8 @@ enum Verb {
     Effects(effects::Args),
     /// Write a robot for Pinocchio or MuJoCo.
     Export(export::Args),
+    /// Record a simulated robot, with or without concealed physics.
+    Simulate(simulate::Args),
     /// Turn a CSV recording into MCAP, or back.
     Convert(convert::Args),
     /// Locate, name and size what a robot file leaves out of its recordings.
@@ -110,6 +115,7 @@ fn main() -> ExitCode {
         Verb::Workspace(args) => workspace::run(args),
         Verb::Effects(args) => effects::run(args),
         Verb::Export(args) => export::run(args),
+        Verb::Simulate(args) => simulate::run(args),
         Verb::Convert(args) => convert::run(args),
         Verb::Diagnose(args) => diagnose::run(args),
         Verb::TrialNull(args) => trial_null::run(args),

@@ -4,4 +4,5 @@
 mod bad_input;
 mod export;
 mod fixture;
+mod simulate;
 mod verbs;
