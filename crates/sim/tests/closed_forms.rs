@@ -41,13 +41,13 @@ fn recorded(truth: &Robot, nominal: &Robot) -> Recording {
         effort_noise: 0.0,
         ..Scenario::default()
     };
-    let motion = Shaped::draw(&nominal.model, Shape::MinimumJerk { period_s: 1.0 }, 8.0, 0.5, 2).unwrap();
-    run_along([truth, nominal], &scenario, &motion, &mut |_| {}).unwrap()
+    let motion = Shaped::draw(&nominal.model, Shape::MinimumJerk { period_s: 1.0 }, 8.0, 0.5, 2).expect("the run succeeds");
+    run_along([truth, nominal], &scenario, &motion, &mut |_| {}).expect("the run succeeds")
 }
 
 /// Position, velocity, acceleration and effort at every inner sample, by central differences.
 fn rows(recording: &Recording) -> Vec<[f64; 4]> {
-    let (q, tau) = (recording.signal("q.q").unwrap(), recording.signal("tau.q").unwrap());
+    let (q, tau) = (recording.signal("q.q").expect("recorded"), recording.signal("tau.q").expect("recorded"));
     let h = recording.time[1] - recording.time[0];
     let row = |i: usize| [q[i], (q[i + 1] - q[i - 1]) / (2.0 * h), (q[i + 1] - 2.0 * q[i] + q[i - 1]) / (h * h), tau[i]];
     (1..q.len() - 1).map(row).collect()
