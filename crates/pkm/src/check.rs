@@ -130,7 +130,10 @@ fn assembled(model: &Model, data: &mut Data, file: &str) -> anyhow::Result<(Clos
 pub(crate) fn must_assemble(model: &Model, file: &str) -> anyhow::Result<()> {
     let (_, mobility) = assembled(model, &mut Data::new(model), file)?;
     let drives = model.n_act();
-    ensure!(mobility == drives, "{file}: {mobility} degrees of freedom and {drives} drives (they must be equal to diagnose recordings)");
+    ensure!(
+        mobility == drives,
+        "{file}: {mobility} degrees of freedom and {drives} drives (they must be equal to simulate it or diagnose its recordings)"
+    );
     Ok(())
 }
 

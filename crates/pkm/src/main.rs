@@ -17,6 +17,7 @@ mod progress;
 mod random;
 mod robot_file;
 mod seal;
+mod simulate;
 mod trial_null;
 mod workspace;
 
@@ -45,6 +46,7 @@ Look at a robot:
   export      Write a robot for Pinocchio or MuJoCo
 
 Handle recordings:
+  simulate    Record a simulated robot, with or without concealed physics
   convert     Turn a CSV recording into MCAP, or back
 
 Fit a robot:
@@ -66,6 +68,7 @@ Options:
 Examples:
   pkm demo
   pkm check prs3
+  pkm simulate prs3 --out A.mcap --hide 'friction_coulomb@q1:coulomb=20'
   pkm diagnose robot.toml --recording A.csv --holdout B.csv --json out.json --html out.html
   pkm identify robot.toml --recording A.csv --holdout B.csv --out better.identified.toml
   pkm convert A.csv A.mcap --robot robot.toml
@@ -97,6 +100,8 @@ enum Verb {
     Effects(effects::Args),
     /// Write a robot for Pinocchio or MuJoCo.
     Export(export::Args),
+    /// Record a simulated robot, with or without concealed physics.
+    Simulate(simulate::Args),
     /// Turn a CSV recording into MCAP, or back.
     Convert(convert::Args),
     /// Estimate masses, inertias and friction of a robot from recordings.
@@ -123,6 +128,7 @@ fn main() -> ExitCode {
         Verb::Workspace(args) => workspace::run(args),
         Verb::Effects(args) => effects::run(args),
         Verb::Export(args) => export::run(args),
+        Verb::Simulate(args) => simulate::run(args),
         Verb::Convert(args) => convert::run(args),
         Verb::Identify(args) => identify::run(args),
         Verb::Diagnose(args) => diagnose::run(args),

@@ -55,6 +55,22 @@ pub enum SimError {
         /// When `[s]`.
         time: f64,
     },
+    /// A motion that leaves a joint's limits.
+    #[error("reference at t = {time} s: {what} of joint {joint:?} = {value} (limits {lower} to {upper})")]
+    OutOfLimits {
+        /// When `[s]`.
+        time: f64,
+        /// The joint.
+        joint: String,
+        /// Position or velocity.
+        what: &'static str,
+        /// Its value `[m | rad]`, `[m/s | rad/s]`.
+        value: f64,
+        /// Lower limit.
+        lower: f64,
+        /// Upper limit.
+        upper: f64,
+    },
     /// No motion keeps loops closed and limits kept, however small.
     #[error("no periodic motion about the middle of travel of robot {robot:?} keeps its loops closed and its limits: {reason}")]
     NoMotion {

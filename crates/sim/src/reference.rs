@@ -14,16 +14,16 @@ const HARMONICS: usize = 5;
 const CHECKS: usize = 200;
 
 /// Share of the stated speed limit that a motion may use.
-const SPEED_SHARE: f64 = 0.8;
+pub(crate) const SPEED_SHARE: f64 = 0.8;
 
 /// A pose is too near a singularity when the loop closure's pivots fall below this share of those in the middle of travel.
 const PIVOT_SHARE: f64 = 0.1;
 
 /// Each attempt is smaller than the last by this factor.
-const SHRINK: f64 = 0.9;
+pub(crate) const SHRINK: f64 = 0.9;
 
 /// After so many attempts the motion is 1 % of what was asked: no motion.
-const ATTEMPTS: usize = 44;
+pub(crate) const ATTEMPTS: usize = 44;
 
 /// What motion to draw.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -191,7 +191,7 @@ fn check_pose(model: &Model, data: &mut Data, sample: &Sample, least_pivot: f64)
 }
 
 /// Half the stated travel `[m | rad]`; a modest one where none is stated.
-fn half_travel(limits: &Limits, kind: JointKind) -> f64 {
+pub(crate) fn half_travel(limits: &Limits, kind: JointKind) -> f64 {
     let half = 0.5 * (limits.upper - limits.lower);
     if half.is_finite() && half > 0.0 {
         return half;

@@ -14,6 +14,7 @@ use crate::plant::{Plant, ReducedPlant, check};
 use crate::random::{Random, Stream};
 use crate::reference::{Reference, ReferenceOptions, Sample};
 use crate::sensors::{Encoder, add_noise};
+use crate::trajectory::Trajectory;
 
 /// The controller runs at this rate or the next one above that is a multiple of the recording's `[Hz]`.
 const CONTROL_HZ: f64 = 1000.0;
@@ -32,6 +33,12 @@ const FILTER_S: f64 = 1e-3;
 
 /// Longest run `[samples of the controller]`: five hours at 1 kHz.
 const MAX_STEPS: f64 = 2e7;
+
+/// A motion that begins slower than this begins at rest `[m/s | rad/s]`: its velocity is a rounding error.
+const AT_REST: f64 = 1e-9;
+
+/// Progress is told so often `[s of the motion]`.
+const TOLD_S: f64 = 0.1;
 
 /// What to simulate. The noise of every sensor is white.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -113,23 +120,47 @@ pub fn run(truth: &Robot, nominal: &Robot, scenario: &Scenario, progress: &mut d
     scenario.check()?;
     same_mechanism(&truth.model, &nominal.model)?;
     let reference = Reference::draw(&nominal.model, &scenario.reference_options())?;
+    let share = |t: f64| (t / scenario.duration_s).min(1.0);
+    let mut last = 0.0;
+    let recording = run_along([truth, nominal], scenario, &reference, &mut |t| {
+        if t <= 0.0 || t - last >= TOLD_S {
+            last = t;
+            progress(share(t));
+        }
+    })?;
+    progress(1.0);
+    Ok(recording)
+}
+
+/// As [`run`] for any motion: `robots` are the true and the nominal one, period and amplitude of the scenario are not used. `each` is
+/// told the time `[s]` before every control period, and may wait there. Limits are [`crate::check_limits`]' business.
+///
+/// # Errors
+/// As [`run`]; a motion of another number of drives.
+pub fn run_along(
+    robots: [&Robot; 2],
+    scenario: &Scenario,
+    reference: &dyn Trajectory,
+    each: &mut dyn FnMut(f64),
+) -> Result<Recording, SimError> {
+    let [truth, nominal] = robots;
+    scenario.check()?;
+    same_mechanism(&truth.model, &nominal.model)?;
     let per_sample = scenario.steps_per_sample();
     let period = 1.0 / (scenario.rate_hz * per_sample);
     let per_sample = whole(per_sample);
     let steps = whole((scenario.duration_s * scenario.rate_hz).round()) * per_sample;
-    let mut world = World::try_new(truth, nominal, scenario, &reference, period)?;
+    let mut world = World::try_new(truth, nominal, scenario, reference, period)?;
     let mut log = Log::new(world.drives.len());
     for step in 0..=steps {
-        world.control(&reference, period * step as f64)?;
+        let t = period * step as f64;
+        each(t);
+        world.control(reference, t)?;
         log.record(&world, step % per_sample == 0);
         if step < steps {
             world.advance()?;
         }
-        if step % 100 == 0 {
-            progress(step as f64 / steps.max(1) as f64);
-        }
     }
-    progress(1.0);
     Ok(log.finish(&world, &nominal.model, scenario, per_sample))
 }
 
@@ -171,10 +202,13 @@ struct World<'r> {
 }
 
 impl<'r> World<'r> {
-    fn try_new(truth: &Robot, nominal: &'r Robot, scenario: &Scenario, reference: &Reference, period: f64) -> Result<Self, SimError> {
+    fn try_new(truth: &Robot, nominal: &'r Robot, scenario: &Scenario, reference: &dyn Trajectory, period: f64) -> Result<Self, SimError> {
         let model = &nominal.model;
         let mut sample = Sample::default();
         reference.at(0.0, &mut sample);
+        if sample.q.len() != model.n_act() {
+            return Err(SimError::NotTheSameRobot { what: "number of drives" });
+        }
         let gains = mass_at_mid_pose(model)?;
         let mut drives = Vec::new();
         for (&j, mass) in model.actuators.iter().zip(gains) {
@@ -201,8 +235,12 @@ impl<'r> World<'r> {
         for closure in [assemble(model, &mut nominal_data), walk_to(model, &mut nominal_data, &sample.q)] {
             check(&closure, 0.0)?;
         }
+        let mut plant = ReducedPlant::try_new(truth.clone(), &start)?;
+        if sample.v.iter().any(|v| v.abs() > AT_REST) {
+            plant.set_velocity(&sample.v);
+        }
         Ok(Self {
-            plant: ReducedPlant::try_new(truth.clone(), &start)?,
+            plant,
             nominal: model,
             nominal_data,
             drives,
@@ -215,7 +253,7 @@ impl<'r> World<'r> {
     }
 
     /// Reads the sensors and computes the commands of the period that begins at `t`.
-    fn control(&mut self, reference: &Reference, t: f64) -> Result<(), SimError> {
+    fn control(&mut self, reference: &dyn Trajectory, t: f64) -> Result<(), SimError> {
         reference.at(t, &mut self.sample);
         let Self { nominal_data, sample, zero, .. } = self;
         let closure = inverse_dynamics(self.nominal, nominal_data, &sample.q, zero, zero);

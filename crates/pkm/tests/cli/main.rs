@@ -6,4 +6,5 @@ mod export;
 mod fixture;
 mod identify;
 mod mu;
+mod simulate;
 mod verbs;

@@ -1,0 +1,190 @@
+//! `pkm simulate`: a robot moves with physics that its files do not have, and what a recorder would have written goes into a file.
+
+mod hidden;
+mod reference;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use anyhow::{Context, ensure};
+use pkm_dyn::effects::{Applied, Robot};
+use pkm_dyn::urdf::Description;
+use pkm_hal::{Clock, MonotonicClock};
+use pkm_ident::Recording;
+use pkm_record::{Attachments, WriteError};
+use pkm_sim::{Scenario, Trajectory, run_along};
+use serde_json::json;
+
+use crate::convert::with_robot;
+use crate::outputs::Outputs;
+use crate::progress::Progress;
+use crate::{check, out, robot_file};
+
+/// Progress is told so often `[s of the motion]`.
+const TOLD_S: f64 = 0.1;
+
+/// Arguments of `pkm simulate`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+A PD controller with the weight of the robot as feed-forward follows the reference at 1 kHz or the rate of the recording, whichever is
+higher. It knows the robot's files only; what is concealed moves the robot and is not in the file that is written. End stops are not
+simulated. The same arguments give the same bytes.
+
+Examples:
+  pkm simulate prs3 --out A.mcap
+  pkm simulate prs3 --out A.csv --hide 'friction_stribeck@q1:coulomb=12,stiction=21.3,stribeck_velocity=0.01' --seed 7
+  pkm simulate serial_arm --out A.mcap --reference chirp --sweep 0.1:2 --noise none
+  pkm simulate robot.toml --out B.mcap --reference A.csv --paced")]
+pub(crate) struct Args {
+    /// A robot.toml, or the name of a shipped robot.
+    robot: PathBuf,
+    /// The recording to write, .mcap or .csv.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Conceal an effect, NAME@PLACE:PARAMETER=VALUE,... in SI units; may be given several times (`pkm effects` lists them).
+    #[arg(long, value_name = "EFFECT")]
+    hide: Vec<String>,
+    #[command(flatten)]
+    motion: reference::MotionArgs,
+    /// Length [default: 20 s, or that of the reference file].
+    #[arg(long, value_name = "S")]
+    duration: Option<f64>,
+    /// Samples per second.
+    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
+    rate: f64,
+    /// Seed of motion and noise.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// White noise, any of resolution=, encoder= (m or rad) and effort= (share of the effort's rms), or none
+    /// [default: resolution=1e-6,encoder=1e-6,effort=0.01].
+    #[arg(long, value_name = "NOISE")]
+    noise: Option<String>,
+    /// Run no faster than real time.
+    #[arg(long)]
+    paced: bool,
+    /// Replace a file that exists.
+    #[arg(long)]
+    force: bool,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+    /// Print nothing but errors.
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// Runs the verb.
+pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let file = args.robot.display().to_string();
+    let description = robot_file::read(&args.robot)?;
+    check::must_assemble(&description.robot.model, &file)?;
+    let concealed = args.hide.iter().map(|text| hidden::parse(text, &description.robot.model)).collect::<anyhow::Result<Vec<_>>>()?;
+    reserve(args, &description)?;
+    let (trajectory, duration_s) = args.motion.build(&description.robot.model, args.duration, args.seed)?;
+    let scenario = scenario(args, duration_s)?;
+    let effects = description.robot.effects.iter().chain(&concealed).cloned().collect();
+    let robots = [&Robot::new(description.bare.clone(), effects), &description.robot];
+    let (mut recording, seconds) = move_along(args, robots, &scenario, trajectory.as_ref()).with_context(|| file.clone())?;
+    recording.meta.other.insert("simulated_reference".to_string(), args.motion.name());
+    let is_mcap = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
+    let attachments = if is_mcap { with_robot(&description) } else { Attachments::default() };
+    pkm_record::write(&args.out, &recording, &attachments)?;
+    if !args.quiet {
+        tell(args, &description, &concealed, &recording, scenario.duration_s / seconds)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Tells at once, before a long run, that the file cannot be written.
+fn reserve(args: &Args, description: &Description) -> anyhow::Result<()> {
+    let name = args.out.display();
+    let is_known = args.out.extension().is_some_and(|e| ["csv", "mcap"].iter().any(|k| e.eq_ignore_ascii_case(k)));
+    if !is_known {
+        return Err(WriteError::UnknownFormat { file: name.to_string() }.into());
+    }
+    ensure!(args.force || !args.out.exists() || args.out.is_dir(), "{name}: exists already (--force replaces it)");
+    let urdf = args.robot.with_file_name(&description.spec.urdf);
+    let inputs: Vec<&Path> = [args.robot.as_path(), &urdf].into_iter().chain(args.motion.file()).collect();
+    drop(Outputs::reserve(core::slice::from_ref(&args.out), &inputs)?);
+    Ok(())
+}
+
+fn scenario(args: &Args, duration_s: f64) -> anyhow::Result<Scenario> {
+    let mut scenario = Scenario { seed: args.seed, duration_s, rate_hz: args.rate, ..Scenario::default() };
+    let Some(noise) = args.noise.as_deref() else { return Ok(scenario) };
+    (scenario.encoder_resolution, scenario.encoder_noise, scenario.effort_noise) = (0.0, 0.0, 0.0);
+    if noise == "none" {
+        return Ok(scenario);
+    }
+    for (name, value) in hidden::numbers(noise).with_context(|| format!("--noise {noise:?}"))? {
+        let slot = match name.as_str() {
+            "resolution" => &mut scenario.encoder_resolution,
+            "encoder" => &mut scenario.encoder_noise,
+            "effort" => &mut scenario.effort_noise,
+            _ => anyhow::bail!("--noise {noise:?}: {name:?} is unknown (has: resolution, encoder, effort)"),
+        };
+        ensure!(value.is_finite() && value >= 0.0, "--noise {noise:?}: {name} = {value} (must be finite and >= 0)");
+        *slot = value;
+    }
+    Ok(scenario)
+}
+
+/// The recording and how long it took `[s]`.
+fn move_along(args: &Args, robots: [&Robot; 2], scenario: &Scenario, trajectory: &dyn Trajectory) -> anyhow::Result<(Recording, f64)> {
+    let mut progress = Progress::new("simulating", args.quiet || args.json);
+    let clock = MonotonicClock::start();
+    let mut told = 0.0;
+    let recording = run_along(robots, scenario, trajectory, &mut |t| {
+        if args.paced {
+            wait_until(&clock, t);
+        }
+        if t - told >= TOLD_S {
+            told = t;
+            progress.update(t / scenario.duration_s);
+        }
+    })?;
+    Ok((recording, clock.now_ns() as f64 * 1e-9))
+}
+
+/// Sleeps until `clock` reads `t` `[s]`.
+fn wait_until(clock: &MonotonicClock, t: f64) {
+    let left = t - clock.now_ns() as f64 * 1e-9;
+    if left > 0.0 {
+        std::thread::sleep(Duration::from_secs_f64(left));
+    }
+}
+
+fn tell(args: &Args, description: &Description, concealed: &[Applied], recording: &Recording, factor: f64) -> anyhow::Result<()> {
+    let model = &description.robot.model;
+    let (samples, file) = (recording.len(), args.out.display().to_string());
+    if args.json {
+        let effect = |e: &Applied| {
+            let parameters: serde_json::Map<String, serde_json::Value> =
+                e.entry.parameters.iter().zip(&e.values).map(|(p, v)| (p.name.to_string(), json!(v))).collect();
+            json!({"effect": e.entry.name, "where": [e.place_name(model)], "parameters": parameters})
+        };
+        let told = json!({
+            "schema": "pkm.simulation/1",
+            "robot": model.name,
+            "recording": file,
+            "samples": samples,
+            "duration_s": recording.duration(),
+            "rate_hz": args.rate,
+            "seed": args.seed,
+            "reference": args.motion.name(),
+            "concealed": concealed.iter().map(effect).collect::<Vec<_>>(),
+            "real_time_factor": factor,
+        });
+        return out::say(&serde_json::to_string_pretty(&told)?);
+    }
+    let concealed = pkm_sim::describe(concealed, model);
+    let signals = recording.signals.len();
+    let text = format!(
+        "{file}: {samples} samples of {signals} signals, {:.3} s of {} at {} times real time\nConcealed: {concealed}",
+        recording.duration(),
+        model.name,
+        out::number(factor)
+    );
+    out::say(&out::clean(&text))
+}
