@@ -3,9 +3,9 @@
 mod hidden;
 mod reference;
 
+use core::time::Duration;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::Duration;
 
 use anyhow::{Context, ensure};
 use pkm_dyn::effects::{Applied, Robot};
