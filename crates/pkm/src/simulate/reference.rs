@@ -19,7 +19,7 @@ const SWEEP_HZ: (f64, f64) = (0.1, 2.0);
 /// What the motion is.
 #[derive(Debug, clap::Args)]
 pub(crate) struct MotionArgs {
-    /// fourier, min-jerk, chirp, step, or a recording (.csv or .mcap) whose `q_ref` columns are played back.
+    /// fourier, min-jerk, chirp, step, or a recording (.csv or .mcap) whose reference is played back.
     #[arg(long, value_name = "MOTION", default_value = "fourier")]
     reference: String,
     /// Share of the travel that a drawn motion may use, 0 to 1; less where loops or limits demand it
