@@ -2,6 +2,7 @@
 //! too little is said to.
 
 use core::f64::consts::PI;
+use core::slice::from_ref;
 
 use pkm_dyn::effects::Robot;
 use pkm_dyn::inverse_dynamics::inverse_dynamics;
@@ -53,7 +54,7 @@ fn go(robot: &Robot, fit: &[Recording], holdout: &[Recording], settings: &Settin
 
 /// Errors of a robot on recordings of it, drive by drive: what no estimate can be better than.
 fn own_errors(truth: &Robot, test: &Recording) -> Vec<f64> {
-    let answer = go(truth, core::slice::from_ref(test), core::slice::from_ref(test), &settings(Method::Wls));
+    let answer = go(truth, from_ref(test), from_ref(test), &settings(Method::Wls));
     answer.joints.iter().map(|j| j.nominal).collect()
 }
 
@@ -75,7 +76,7 @@ fn a_parallel_robot_with_friction_comes_back_and_can_be_built() {
     let description = shipped("prs3");
     let truth = Robot::new(another(&description.bare, &mut Draw::new(5)), Vec::new());
     let [train, test] = recorded(&description, &truth, 15.0);
-    let answer = go(&description.robot, core::slice::from_ref(&train), core::slice::from_ref(&test), &settings(Method::Sdp));
+    let answer = go(&description.robot, from_ref(&train), from_ref(&test), &settings(Method::Sdp));
     println!("{:?} {:?} {:#?}", answer.status, answer.notes, answer.joints);
     assert_eq!(answer.status, Status::Identified, "{:?}", answer.notes);
     assert_eq!((answer.base.structural, answer.base.shown), (answer.base.shown, answer.base.structural));
@@ -99,13 +100,13 @@ fn a_parallel_robot_with_friction_comes_back_and_can_be_built() {
         (joint.viscous, joint.coulomb) = (0.0, 0.0);
     }
     let held = Settings { held: vec![Term::Friction, Term::PassiveFriction], ..Settings::default() };
-    let without = go(&smooth, &[train], core::slice::from_ref(&test), &held);
+    let without = go(&smooth, &[train], from_ref(&test), &held);
     assert!(without.pooled(|j| j.fitted) > 2.0 * answer.pooled(|j| j.fitted));
     // The files that are written are that robot.
     let [toml, urdf] = identified(&description, &answer).texts(&description, "a.urdf").expect("it can be written");
     let built = parse(&toml, &urdf, ["a.toml", "a.urdf"]).expect("it can be read");
     let rows = RowOptions { band_hz: Some(answer.band_hz), ..RowOptions::default() };
-    let again = go(&built.robot, core::slice::from_ref(&test), core::slice::from_ref(&test), &Settings { rows, ..settings(Method::Wls) });
+    let again = go(&built.robot, from_ref(&test), from_ref(&test), &Settings { rows, ..settings(Method::Wls) });
     for (a, b) in answer.joints.iter().zip(&again.joints) {
         assert!((a.identified - b.nominal).abs() < 1e-6, "{}: {} written, {} read", a.joint, a.identified, b.nominal);
     }
@@ -195,7 +196,7 @@ fn every_method_finds_the_rig() {
     let own = own_errors(&Robot::new(truth.clone(), Vec::new()), &test);
     let own = (own.iter().map(|e| e * e).sum::<f64>() / own.len() as f64).sqrt();
     for method in Method::ALL {
-        let answer = go(&description.robot, core::slice::from_ref(&train), core::slice::from_ref(&test), &settings(method));
+        let answer = go(&description.robot, from_ref(&train), from_ref(&test), &settings(method));
         println!(
             "{method:?}: {:?} {:.4} -> {:.4}, truth {own:.4}",
             answer.status,
@@ -213,7 +214,7 @@ fn the_same_recordings_give_the_same_bits() {
     let description = rig();
     let truth = another(&description.bare, &mut Draw::new(3));
     let train = made(&truth, &SHORT);
-    let [a, b] = [(), ()].map(|()| go(&description.robot, core::slice::from_ref(&train), &[], &settings(Method::Sdp)));
+    let [a, b] = [(), ()].map(|()| go(&description.robot, from_ref(&train), &[], &settings(Method::Sdp)));
     assert_eq!((a.theta, a.parameters), (b.theta, b.parameters));
 }
 
@@ -325,8 +326,7 @@ fn ten_percent_of_the_time_in_contact_is_told_and_survived_by_robust_weights() {
         // A push of half a second in every five.
         tau.iter_mut().zip(&time).filter(|(_, t)| (*t % 5.0) > 4.5).for_each(|(tau, _)| *tau += 15.0);
     }
-    let [plain, robust] = [Method::Wls, Method::Bisquare]
-        .map(|m| go(&description.robot, core::slice::from_ref(&train), core::slice::from_ref(&test), &settings(m)));
+    let [plain, robust] = [Method::Wls, Method::Bisquare].map(|m| go(&description.robot, from_ref(&train), from_ref(&test), &settings(m)));
     assert!(says(&robust, |n| matches!(n, Note::Outliers { share, .. } if (0.05..0.2).contains(share))), "{:?}", robust.notes);
     assert_ne!(plain.status, Status::Identified, "{:?}", plain.notes);
     let (plain, robust) = (plain.pooled(|j| j.identified), robust.pooled(|j| j.identified));
@@ -362,7 +362,7 @@ fn ninety_five_percent_intervals_hold_the_truth_nineteen_times_in_twenty() {
         rows: RowOptions { softness: 1e-6, ..RowOptions::default() },
         ..Settings::default()
     };
-    let (mut inside, mut all) = (0, 0);
+    let (mut inside, mut all) = (0_u32, 0_u32);
     for seed in 0..runs {
         // Coloured over ten samples: five rows of the regression are not five measurements.
         let train = made(&truth, &Made { seed: 100 + seed, noise: [0.05, 0.9], ..SHORT });
@@ -370,10 +370,10 @@ fn ninety_five_percent_intervals_hold_the_truth_nineteen_times_in_twenty() {
         let set = answer.set.as_ref().expect("an answer");
         for (p, want) in answer.parameters.iter().zip(set.project(&true_theta)) {
             all += 1;
-            inside += usize::from(p.ci95[0] <= want && want <= p.ci95[1]);
+            inside += u32::from(p.ci95[0] <= want && want <= p.ci95[1]);
         }
     }
-    let share = inside as f64 / f64::from(all);
+    let share = f64::from(inside) / f64::from(all);
     println!("{inside} of {all} intervals hold the truth: {share:.3}");
     assert!((0.90..=0.99).contains(&share), "{share}");
 }

@@ -17,7 +17,7 @@ use crate::motion::Use;
 use crate::note::{Note, Status};
 use crate::observation::{Observation, Rows};
 use crate::relevant::{Reduction, Step};
-use crate::statistics::{NORMAL_95, Residual, Sandwich, residual_series};
+use crate::statistics::{Residual, Sandwich, critical_95, residual_series};
 
 /// Pivots of a recording's columns below this share of the largest count as zero: noise of the positions makes some of nothing.
 pub const RANK_TOLERANCE: f64 = 1e-6;
@@ -424,7 +424,7 @@ impl Work<'_, '_> {
             let (joint, nominal, identified) = (j.joint.clone(), j.nominal, j.identified);
             self.notes.push(Note::Worse { joint, nominal, identified });
         }
-        let (parameters, covariance) = self.parameters(found, fit);
+        let (parameters, covariance) = self.parameters(found, fit, residuals);
         let set = found.map(|f| f.set.clone());
         Identification {
             robot: model.name.clone(),
@@ -467,11 +467,13 @@ impl Work<'_, '_> {
         }
     }
 
-    fn parameters(&self, found: Option<&Found>, fit: &Fit) -> (Vec<Estimated>, Mat<f64>) {
+    fn parameters(&self, found: Option<&Found>, fit: &Fit, residuals: &[Residual]) -> (Vec<Estimated>, Mat<f64>) {
         let Some(Found { set, sandwich, places, .. }) = found else { return (Vec::new(), Mat::zeros(0, 0)) };
         let n = places.len();
         let covariance = sandwich.covariance(places).unwrap_or_else(|| Mat::from_fn(n, n, |_, _| f64::MAX));
         let (nominal, value) = (set.project(&self.columns().nominal()), set.project(&fit.direct));
+        let used = |(k, r): (usize, &Residual)| if self.usable[k] { r.bandwidth() } else { 0.0 };
+        let critical = critical_95(residuals.iter().enumerate().map(used).fold(0.0, f64::max));
         let each = |(at, &i): (usize, &usize)| {
             let sd = covariance[(at, at)].max(0.0).sqrt();
             Estimated {
@@ -479,7 +481,7 @@ impl Work<'_, '_> {
                 unit: self.columns().list[set.kept[i]].unit,
                 nominal: nominal[i],
                 value: value[i],
-                ci95: [value[i] - NORMAL_95 * sd, value[i] + NORMAL_95 * sd],
+                ci95: [value[i] - critical * sd, value[i] + critical * sd],
                 relative_sd: (sd / value[i].abs().max(f64::MIN_POSITIVE)).min(f64::MAX),
             }
         };

@@ -2,7 +2,8 @@
 //!
 //! A badly determined parameter fits noise, moves the well determined ones with it, and is what makes an estimate unphysical
 //! \[Diaz2010\]. After every step the rest is estimated anew; the reduction ends when every parameter that is left is significant and
-//! some physical robot has these values (the exact matrix inequality, not a scan over masses as in [Valera2017, eq. 9]).
+//! some physical robot has these values (the exact matrix inequality, not a scan over masses as in [Valera2017, eq. 9]). Where physics is
+//! missing none may have them: significant parameters are dropped for that only as long as the fit does not suffer.
 
 use faer::Mat;
 
@@ -17,8 +18,8 @@ use crate::statistics::Sandwich;
 /// Relative standard deviation above which the 95 % interval of a parameter holds zero.
 const SIGNIFICANT: f64 = 0.5;
 
-/// Fewer parameters than this explain nothing.
-const FEWEST: usize = 2;
+/// Significant parameters are dropped for the sake of feasibility until the fitted residual has grown by this factor.
+const GROWTH: f64 = 1.02;
 
 /// One step of the reduction.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -60,6 +61,8 @@ impl Reduction<'_> {
         let (triangle, rows) = (factor.triangle(), factor.count().max(1));
         let mut places: Vec<usize> = (0..self.set.rank()).collect();
         let (mut steps, mut dropped) = (Vec::new(), String::new());
+        // The first step at which all that is left is significant, should no later one be feasible.
+        let mut significant: Option<(usize, Vec<usize>, Vec<f64>)> = None;
         loop {
             let kept: Vec<usize> = places.iter().map(|&i| self.set.kept[i]).collect();
             let values = least_squares::ordinary(&triangle, &kept);
@@ -77,7 +80,19 @@ impl Reduction<'_> {
                 heldout: self.heldout(&theta),
                 is_feasible,
             });
-            if (relative[worst] <= SIGNIFICANT && is_feasible) || places.len() <= FEWEST {
+            if relative[worst] <= SIGNIFICANT && is_feasible {
+                return (steps, places, theta);
+            }
+            if relative[worst] <= SIGNIFICANT && significant.is_none() {
+                significant = Some((steps.len(), places.clone(), theta.clone()));
+            }
+            if let Some((n, places, theta)) =
+                significant.take_if(|(n, ..)| error.sqrt() > GROWTH * steps[*n - 1].fitted || places.len() == 1)
+            {
+                steps.truncate(n);
+                return (steps, places, theta);
+            }
+            if places.len() == 1 {
                 return (steps, places, theta);
             }
             dropped = self.columns.list[self.set.kept[places[worst]]].name.clone();
