@@ -5,7 +5,6 @@ use core::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use pkm_benches::shipped;
-use pkm_ident::columns::Columns;
 use pkm_ident::factor::Factors;
 use pkm_ident::motion::Use;
 use pkm_ident::observation::{Observation, Rows};
@@ -18,7 +17,6 @@ fn six_axes(c: &mut Criterion) {
     let recording = run(&robot, &robot, &scenario, &mut |_| {}).expect("the arm moves");
     let settings = Settings::default();
     let observation = Observation::try_new(&robot, &[(&recording, Use::Fit)], settings.rows).expect("its recording");
-    println!("{} columns, band {:.1} Hz", Columns::new(&robot).len(), observation.band());
     let mut group = c.benchmark_group("identify");
     group.sample_size(10);
     group.bench_function("observation, serial_arm, 60 s at 1 kHz", |b| {
