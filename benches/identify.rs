@@ -1,5 +1,4 @@
 //! Identification of the six-axis arm from a minute at 1 kHz: assembly of the observation matrix and the semidefinite program.
-#![expect(clippy::print_stdout, reason = "a bench says what it measures")]
 
 use core::hint::black_box;
 
