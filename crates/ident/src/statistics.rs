@@ -101,7 +101,7 @@ fn chi_square_95(m: usize) -> f64 {
     m * root * root * root
 }
 
-/// Residual series of every drive with the parameters `theta`: [drive][recording][row]; zero where the drive's equation is not used, so
+/// Residual series of every drive with the parameters `theta`: `[drive][recording][row]`; zero where the drive's equation is not used, so
 /// that time stays uniform.
 ///
 /// # Errors

@@ -1,7 +1,7 @@
 //! Singular values and right singular vectors by one-sided Jacobi rotations, in place and without allocation once built.
 //!
 //! nalgebra's dynamic decomposition allocates on every call, so it cannot serve the loop. Jacobi finds small singular values to high
-//! relative accuracy, and distance to a singularity is a small singular value [Demmel1992].
+//! relative accuracy, and distance to a singularity is a small singular value \[Demmel1992\].
 
 use alloc::vec;
 use alloc::vec::Vec;

@@ -61,7 +61,7 @@ pub(crate) struct Args {
     /// Largest condition number of dx/dq.
     #[arg(long, value_name = "X", default_value_t = f64::INFINITY)]
     condition_limit: f64,
-    /// Metres are divided by this length to compare them with radians [m]; with 1 the singular values are those in SI units.
+    /// Metres are divided by this length to compare them with radians `[m]`; with 1 the singular values are those in SI units.
     #[arg(long, value_name = "M", default_value_t = 1.0)]
     length: f64,
     /// Write a page with a picture of every slice.

@@ -12,7 +12,7 @@ use crate::trajectory::{Trajectory, check_limits};
 /// Share of a period during which a minimum-jerk move lasts; the rest of it the robot stands.
 const MOVE_SHARE: f64 = 0.8;
 
-/// Peak velocity of a minimum-jerk move over its mean, 15/8 [Flash1985].
+/// Peak velocity of a minimum-jerk move over its mean, 15/8 \[Flash1985\].
 const PEAK_SPEED: f64 = 1.875;
 
 /// A sweep fades in over this time `[s]`, or a quarter of its length: it starts from rest.
@@ -30,7 +30,7 @@ const MAX_MOVES: f64 = 1e6;
 /// What shape to draw.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape {
-    /// Moves of least jerk from point to point, one per period, with a rest after each [Flash1985].
+    /// Moves of least jerk from point to point, one per period, with a rest after each \[Flash1985\].
     MinimumJerk {
         /// Time from one begin to the next `[s]`.
         period_s: f64,
@@ -148,7 +148,7 @@ impl Trajectory for Shaped {
     }
 }
 
-/// Path, velocity and acceleration of the move of least jerk from 0 to 1 in `duration` `[s]` [Flash1985].
+/// Path, velocity and acceleration of the move of least jerk from 0 to 1 in `duration` `[s]` \[Flash1985\].
 fn minimum_jerk(t: f64, duration: f64) -> [f64; 3] {
     let x = t / duration;
     if x >= 1.0 {

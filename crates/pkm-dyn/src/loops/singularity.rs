@@ -1,8 +1,8 @@
-//! How near a pose is to the singularities of a closed-loop mechanism [Gosselin1990].
+//! How near a pose is to the singularities of a closed-loop mechanism \[Gosselin1990\].
 //!
 //! Three different things can go wrong, and each has its own number:
 //! parallel (type 2): with every drive locked the mechanism can still move; serial (type 1): the drives cannot move the output in some
-//! direction; constraint: the constraints themselves lose a rank, and the mechanism gains a freedom whatever is driven [Zlatanov2002].
+//! direction; constraint: the constraints themselves lose a rank, and the mechanism gains a freedom whatever is driven \[Zlatanov2002\].
 
 use alloc::vec;
 use alloc::vec::Vec;

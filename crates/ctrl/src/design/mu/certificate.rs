@@ -9,7 +9,7 @@ use super::{Block, CMatrix};
 /// Unit roundoff of f64.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// Proof that μ(M) ≤ `beta`: `M*·D_z·M + j·(G·M − M*·G) − β²·D_w < 0` with D > 0 and G of the structure [Fan1991].
+/// Proof that μ(M) ≤ `beta`: `M*·D_z·M + j·(G·M − M*·G) − β²·D_w < 0` with D > 0 and G of the structure \[Fan1991\].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Certificate {
     /// The proved bound, same unit as M.

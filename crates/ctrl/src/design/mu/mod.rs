@@ -1,6 +1,6 @@
 //! Structured singular value μ: how large must an uncertainty of known structure be to make a loop singular?
 //!
-//! `1/μ(M) = min { σ(Δ) : det(I − M·Δ) = 0, Δ of the structure }` [Packard1993]. μ itself cannot be computed in reasonable time for
+//! `1/μ(M) = min { σ(Δ) : det(I − M·Δ) = 0, Δ of the structure }` \[Packard1993\]. μ itself cannot be computed in reasonable time for
 //! real parameters, so it is enclosed: [`upper_bound`] proves that nothing smaller than 1/β does harm, with scalings anyone can check;
 //! [`lower_bound`] shows a perturbation that does. Neither bound rests on the iterations that found it.
 //!

@@ -1,4 +1,4 @@
-//! Power iteration for the lower bound of mixed μ [Young1990].
+//! Power iteration for the lower bound of mixed μ \[Young1990\].
 
 use alloc::vec::Vec;
 
