@@ -1,5 +1,5 @@
 //! From time-aligned signals to the parameters of a robot: uniform grids, zero-phase filters, the observation matrix, base parameters,
-//! estimators, and how far they can be trusted. [`identify`] is all of it.
+//! estimators, and how far they can be trusted. [`identify()`] is all of it.
 //!
 //! Knows no files (that is `pkm-record`) and no diagnosis (that is `pkm-diagnose`).
 
