@@ -10,7 +10,7 @@ use crate::array::Samples;
 use crate::motion::{Open, checked};
 
 /// Appends what `each` returns for every sample of the tree's positions.
-pub(crate) fn at_each(model: &Model, q: &Samples, mut each: impl FnMut(&mut Data, &[f64], &mut Vec<f64>)) -> Vec<f64> {
+fn at_each(model: &Model, q: &Samples, mut each: impl FnMut(&mut Data, &[f64], &mut Vec<f64>)) -> Vec<f64> {
     let mut data = Data::new(model);
     let mut out = Vec::new();
     for i in 0..q.len() {

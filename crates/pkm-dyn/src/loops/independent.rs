@@ -64,6 +64,10 @@ const FASTER: f64 = 2.0;
 /// Exchanges independent coordinates for dependent ones that move much faster, at the pose of the last solution: surplus drives among
 /// drives ([`Choice::Drives`]), or any joint of one coordinate ([`Choice::Pivoting`]). Ends at a choice whose volume none exceeds much.
 pub(crate) fn choose_anew(model: &Model, data: &mut Data) {
+    // As many drives as freedoms: there is nothing to exchange, and this runs in the loop.
+    if data.choice == Choice::Drives && model.n_act() <= data.n_ind() {
+        return;
+    }
     for _ in 0..model.nv() {
         let may_enter = |j: usize| match data.choice {
             Choice::Drives => model.actuators.contains(&j),

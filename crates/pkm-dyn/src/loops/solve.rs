@@ -81,10 +81,7 @@ pub fn solve_positions(model: &Model, data: &mut Data, q_act: &[f64]) -> Closure
         for (&j, &value) in model.actuators.iter().zip(q_act) {
             data.q[j] = value;
         }
-        let q = core::mem::take(&mut data.q);
-        root_poses(model, data, &q);
-        data.q = q;
-        return Closure::of_tree();
+        return close_at(model, data);
     }
     // At the pose of the last solution its reduction foretells the next, and its elimination serves for one more step.
     let is_near = data.reduced_at == data.q;
