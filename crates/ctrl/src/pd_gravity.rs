@@ -82,6 +82,10 @@ impl<const N: usize> PdGravity<N> {
 impl<const N: usize> Controller<N> for PdGravity<N> {
     type State = PdGravityState<N>;
 
+    fn at_rest(&self) -> Self::State {
+        PdGravityState::default()
+    }
+
     /// One period. On a fault the command is the last finite feed-forward effort: it carries the weight and pushes no further.
     fn step(&self, state: &mut Self::State, input: &Input<N>) -> Command<N> {
         let signals = [&input.q_meas, &input.q_ref, &input.v_ref, &input.tau_ff];
@@ -123,7 +127,7 @@ mod tests {
     }
 
     fn at_rest() -> Input<2> {
-        Input { q_meas: [0.1, -0.2], q_ref: [0.1, -0.2], v_ref: [0.0; 2], tau_ff: [3.0, -1.5] }
+        Input { tau_ff: [3.0, -1.5], ..Input::standing([0.1, -0.2], 1e-3) }
     }
 
     #[test]
@@ -154,7 +158,7 @@ mod tests {
         let controller = PdGravity::try_new(config).unwrap();
         let mut state = PdGravityState::default();
         for k in 0..=20 {
-            let _ = controller.step(&mut state, &Input { q_meas: [0.7e-3 * f64::from(k)], q_ref: [0.0], v_ref: [0.0], tau_ff: [0.0] });
+            let _ = controller.step(&mut state, &Input { q_meas: [0.7e-3 * f64::from(k)], ..Input::standing([0.0], 1e-3) });
         }
         assert!((state.v_hat[0] - 0.7 * (1.0 - math::exp(-1.0))).abs() < 1e-9, "{}", state.v_hat[0]);
     }
@@ -190,7 +194,7 @@ mod tests {
     fn an_overflow_inside_is_a_fault_too() {
         let config = PdGravityConfig { kp: [1e300], kd: [1e300], tau_limit: [1.0], dt: 1e-3, filter_s: 0.0 };
         let mut state = PdGravityState::default();
-        let input = Input { q_meas: [0.0], q_ref: [1e300], v_ref: [-1e300], tau_ff: [0.5] };
+        let input = Input { q_ref: [1e300], v_ref: [-1e300], tau_ff: [0.5], ..Input::standing([0.0], 1e-3) };
         let command = PdGravity::try_new(config).unwrap().step(&mut state, &input);
         assert!(command.health.is_faulted && command.tau[0].is_finite());
     }

@@ -261,10 +261,10 @@ impl<'r> World<'r> {
         for (k, drive) in self.drives.iter_mut().enumerate() {
             drive.reading = drive.encoder.read(self.plant.position()[k], &mut self.random);
             let input = Input {
-                q_meas: [drive.reading],
                 q_ref: [self.sample.q[k]],
                 v_ref: [self.sample.v[k]],
                 tau_ff: [self.nominal_data.tau_act[k]],
+                ..Input::standing([drive.reading], self.period)
             };
             let is_first = t <= 0.0;
             drive.command = drive.controller.step(&mut drive.state, &input).tau[0];

@@ -83,7 +83,8 @@ pub fn commands() -> Option<u64> {
     for k in 0..2000 {
         let t = 1e-3 * f64::from(k);
         let q_ref = [math::sin(t), 0.5 * math::sin(2.0 * t)];
-        let mut input = Input { q_meas: q, q_ref, v_ref: [math::cos(t), math::cos(2.0 * t)], tau_ff: [1.5, -0.7] };
+        let v_ref = [math::cos(t), math::cos(2.0 * t)];
+        let mut input = Input { q_ref, v_ref, tau_ff: [1.5, -0.7], ..Input::standing(q, 1e-3) };
         if k == 1900 {
             input.q_meas[0] = f64::NAN;
         }
