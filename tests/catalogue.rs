@@ -138,7 +138,12 @@ fn laws_sit_where_they_can_act() {
             Law::JointEffort(_) => matches!(e.place, PlaceKind::Joint | PlaceKind::PassiveJoint),
             Law::Inertia(_) => e.place == PlaceKind::Link,
             Law::Gravity(_) => e.place == PlaceKind::RootLink,
-            Law::EffortScale | Law::EffortLag | Law::EffortDelay | Law::PositionOffset => e.place == PlaceKind::Joint,
+            Law::PairEffort(_) => e.place == PlaceKind::JointPair,
+            Law::Drift => e.place == PlaceKind::JointOrSensor,
+            Law::Structure | Law::Person => e.place == PlaceKind::Link,
+            Law::Wrench(_) => matches!(e.place, PlaceKind::Link | PlaceKind::LinkOrJoint),
+            Law::Geometry(_) => e.place == PlaceKind::LinkOrLoop,
+            _ => e.place == PlaceKind::Joint,
         };
         assert!(fits, "{}", e.name);
     }
@@ -158,7 +163,8 @@ fn dissipative_effects_never_feed_power_into_the_joint() {
             let (v, load) = (draw.uniform(-2.0..2.0), draw.uniform(-50.0..50.0));
             // Hard and smoothed signs: an estimator passes zero gently.
             for sign in [math::sign(v), math::tanh(v / 0.05)] {
-                let state = JointState { q: draw.uniform(-3.0..3.0), v, a: draw.uniform(-9.0..9.0), sign, load };
+                let (q, a) = (draw.uniform(-3.0..3.0), draw.uniform(-9.0..9.0));
+                let state = JointState { q, v, a, sign, load, ..JointState::default() };
                 let power = law(&physical(e, &mut draw), &state) * v;
                 assert!(power >= 0.0, "{}: {power} W at {state:?}", e.name);
             }
@@ -192,9 +198,10 @@ fn stored_energy_comes_back_on_a_closed_way() {
 
 fn place(model: &Model, kind: PlaceKind) -> String {
     match kind {
-        PlaceKind::Joint => model.joints[model.actuators[0]].name.clone(),
+        PlaceKind::Joint | PlaceKind::JointOrSensor => model.joints[model.actuators[0]].name.clone(),
+        PlaceKind::JointPair => format!("{},{}", model.joints[0].name, model.joints[1].name),
         PlaceKind::PassiveJoint => model.joints[model.passive()[0]].name.clone(),
-        PlaceKind::Link => model.links[1].name.clone(),
+        PlaceKind::Link | PlaceKind::LinkOrJoint | PlaceKind::LinkOrLoop => model.links[1].name.clone(),
         PlaceKind::RootLink => model.root.clone(),
     }
 }
@@ -209,7 +216,7 @@ fn every_effect_can_be_put_on_a_closed_loop_robot_by_name() {
         assert_eq!(applied.place_name(&model), at);
         assert_eq!(applied.values.len(), e.parameters.len());
         let robot = Robot::new(model.clone(), vec![applied]);
-        let state = JointState { q: 0.3, v: 0.2, a: 1.0, sign: 1.0, load: 2.0 };
+        let state = JointState { q: 0.3, v: 0.2, a: 1.0, sign: 1.0, load: 2.0, ..JointState::default() };
         assert!((0..model.nv()).all(|j| robot.joint_effort(j, &state).is_finite()));
         assert!(robot.model.bodies.iter().all(|b| b.to_vector().iter().all(|x| x.is_finite())), "{}", e.name);
     }

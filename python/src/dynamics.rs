@@ -131,7 +131,7 @@ impl Robot {
             let values: BTreeMap<&str, f64> = e.entry.parameters.iter().map(|p| p.name).zip(e.values.iter().copied()).collect();
             let one = PyDict::new(py);
             one.set_item("effect", e.entry.name)?;
-            one.set_item("where", [e.place_name(self.model())])?;
+            one.set_item("where", e.place_names(self.model()))?;
             one.set_item("parameters", values)?;
             out.append(one)?;
         }
@@ -481,15 +481,11 @@ fn as_dict<'py>(py: Python<'py>, entry: &Entry) -> PyResult<Bound<'py, PyDict>> 
         look_alikes.append(BTreeMap::from([("effect", l.effect), ("experiment", l.experiment)]))?;
     }
     let out = PyDict::new(py);
-    let place = match entry.place {
-        PlaceKind::Joint => "joint",
-        PlaceKind::PassiveJoint => "passive joint",
-        PlaceKind::Link => "link",
-        PlaceKind::RootLink => "root link",
-    };
+    let place = entry.place.words();
     let energy = match entry.energy {
         Energy::Stores => "stores",
         Energy::Dissipates => "dissipates",
+        Energy::Feeds => "feeds",
         Energy::Neither => "neither",
     };
     let texts = [

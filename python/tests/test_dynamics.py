@@ -111,7 +111,7 @@ def test_the_catalogue_is_complete():
     entries = {e["name"]: e for e in pkm.effects()}
     assert {"friction_coulomb", "friction_stribeck", "payload", "time_delay"} <= set(entries)
     coulomb = entries["friction_coulomb"]
-    assert coulomb["place"] == "joint" and coulomb["energy"] == "dissipates"
+    assert coulomb["place"] == "a driven joint" and coulomb["energy"] == "dissipates"
     assert coulomb["parameters"] == [
         {"name": "coulomb", "unit": {"prismatic": "N", "revolute": "N·m"}, "lower": 0.0, "default": None}
     ]

@@ -1,7 +1,7 @@
 //! What these recordings could not have shown: the smallest size of each effect that would have been named.
 
 use faer::Mat;
-use pkm_dyn::effects::{PlaceKind, find};
+use pkm_dyn::effects::{Site, find};
 use pkm_dyn::math;
 use pkm_dyn::model::JointKind;
 
@@ -59,9 +59,9 @@ pub(crate) fn detectable(work: &Work, left: &[Vec<Vec<f64>>], settings: &Setting
         if c.effect_name() == "inertia_error" {
             value *= model.links[c.place].parameters.mass;
         }
-        let kind = match c.effect.entry().place {
-            PlaceKind::Joint | PlaceKind::PassiveJoint => model.joints[c.place].kind,
-            PlaceKind::Link | PlaceKind::RootLink => JointKind::Prismatic,
+        let kind = match c.effect.entry().place.site() {
+            Site::Joint => model.joints[c.place].kind,
+            _ => JointKind::Prismatic,
         };
         let unit = c.effect.entry().parameters.iter().find(|p| p.name == parameter).map_or("", |p| p.unit.text(kind));
         out.push(Detectable {

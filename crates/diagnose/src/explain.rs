@@ -1,6 +1,6 @@
 //! Words: a finding as a sentence and an equation a robot engineer can read.
 
-use pkm_dyn::effects::PlaceKind;
+use pkm_dyn::effects::{PlaceKind, Site};
 use pkm_dyn::model::JointKind;
 
 use crate::verdict::{EffectAt, Estimate};
@@ -10,9 +10,9 @@ use alloc::collections::BTreeMap;
 /// Joint kind that decides a candidate's units.
 pub(crate) fn kind(work: &Work, pick: usize) -> JointKind {
     let c = &work.candidates[work.picks[pick].candidate];
-    match c.effect.entry().place {
-        PlaceKind::Joint | PlaceKind::PassiveJoint => work.robot.model.joints[c.place].kind,
-        PlaceKind::Link | PlaceKind::RootLink => JointKind::Prismatic,
+    match c.effect.entry().place.site() {
+        Site::Joint => work.robot.model.joints[c.place].kind,
+        _ => JointKind::Prismatic,
     }
 }
 
@@ -66,7 +66,7 @@ pub(crate) fn sentence(
         PlaceKind::RootLink => format!("At the mounting ({})", c.name),
         PlaceKind::Link => format!("On link {}", c.name),
         PlaceKind::PassiveJoint => format!("At passive joint {}", c.name),
-        PlaceKind::Joint => format!("At {}", c.name),
+        _ => format!("At {}", c.name),
     };
     let mut out = format!("{place}, {}: {sizes}.", entry.sentence);
     let (b, a) = (100.0 * before, 100.0 * after);

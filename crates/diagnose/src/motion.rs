@@ -235,6 +235,8 @@ impl Pass<'_> {
                         a: s.a[k][i],
                         sign: soft_sign(s.v[k][i], width[j]),
                         load: self.out.rigid[k][i],
+                        viscous: self.robot.model.joints[j].viscous,
+                        ..JointState::default()
                     };
                     let mut sum = self.out.rigid[k][i] + self.robot.joint_effort(j, &state);
                     for (p, passive) in self.data.dependent.iter().zip(&self.out.passive) {

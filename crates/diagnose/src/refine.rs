@@ -74,7 +74,7 @@ fn put(work: &Work, out: &mut Refined, entry: &'static Entry, place: usize, read
                 clear(out, entry.name, place);
             }
             let values = entry.parameters.iter().map(|p| value(p.name).or(p.default).unwrap_or(0.0)).collect();
-            let mut applied = Applied { entry, place, values };
+            let mut applied = Applied::at(entry, place, values);
             combine(out, &mut applied);
             out.effects.push(applied);
         }

@@ -38,7 +38,7 @@ pub fn identified(description: &Description, answer: &Identification) -> Identif
             Quantity::Coulomb { joint } => model.joints[joint].coulomb = value,
             Quantity::Offset { joint } => {
                 if let Some(entry) = find("torque_offset").filter(|_| value.abs() > 0.0) {
-                    effects.push(Applied { entry, place: joint, values: vec![value] });
+                    effects.push(Applied::at(entry, joint, vec![value]));
                 }
             }
             Quantity::Wave { part: Part::Sine, .. } => sine = value,

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use anyhow::bail;
-use pkm_dyn::effects::{CATALOGUE, Energy, Entry, Parameter, PlaceKind, find};
+use pkm_dyn::effects::{CATALOGUE, Energy, Entry, Parameter, find};
 use pkm_dyn::model::JointKind;
 use serde_json::{Value, json};
 
@@ -48,19 +48,11 @@ fn unit(p: &Parameter) -> String {
     if slider == hinge { slider.to_string() } else { format!("{slider} or {hinge}") }
 }
 
-fn place(kind: PlaceKind) -> &'static str {
-    match kind {
-        PlaceKind::Joint => "a driven joint",
-        PlaceKind::PassiveJoint => "a passive joint",
-        PlaceKind::Link => "a link",
-        PlaceKind::RootLink => "the root link (the mounting)",
-    }
-}
-
 fn energy(energy: Energy) -> &'static str {
     match energy {
         Energy::Stores => "stores it and gives it back",
         Energy::Dissipates => "turns it into heat",
+        Energy::Feeds => "brings it in from outside",
         Energy::Neither => "neither stores nor uses any",
     }
 }
@@ -79,7 +71,7 @@ fn listing(entries: &[&Entry]) -> String {
 
 fn in_full(e: &Entry) -> String {
     let mut out = vec![format!("{}: {}", e.name, e.sentence), String::new(), format!("  {}", e.equation), String::new()];
-    out.push(format!("Sits at:      {}", place(e.place)));
+    out.push(format!("Sits at:      {}", e.place.words()));
     out.push(format!("Energy:       {}", energy(e.energy)));
     out.push(format!("Compensation: {}", e.compensation));
     out.push("Parameters:".to_string());
@@ -118,7 +110,7 @@ fn as_json(e: &Entry) -> Value {
         "says": e.sentence,
         "equation": e.equation,
         "parameters": e.parameters.iter().map(parameter).collect::<Vec<_>>(),
-        "where": place(e.place),
+        "where": e.place.words(),
         "energy": energy(e.energy),
         "compensation": e.compensation,
         "look_alikes": e.look_alikes.iter().map(look_alike).collect::<Vec<_>>(),

@@ -29,7 +29,7 @@ impl Seal {
         let effect = |e: &Applied| {
             let parameters: serde_json::Map<String, serde_json::Value> =
                 e.entry.parameters.iter().zip(&e.values).map(|(p, v)| (p.name.to_string(), json!(v))).collect();
-            json!({"effect": e.entry.name, "where": [e.place_name(model)], "parameters": parameters})
+            json!({"effect": e.entry.name, "where": e.place_names(model), "parameters": parameters})
         };
         let answer = json!({
             "schema": "pkm.sealed/1",

@@ -162,7 +162,7 @@ fn tell(args: &Args, description: &Description, concealed: &[Applied], recording
         let effect = |e: &Applied| {
             let parameters: serde_json::Map<String, serde_json::Value> =
                 e.entry.parameters.iter().zip(&e.values).map(|(p, v)| (p.name.to_string(), json!(v))).collect();
-            json!({"effect": e.entry.name, "where": [e.place_name(model)], "parameters": parameters})
+            json!({"effect": e.entry.name, "where": e.place_names(model), "parameters": parameters})
         };
         let told = json!({
             "schema": "pkm.simulation/1",

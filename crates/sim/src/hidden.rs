@@ -1,6 +1,6 @@
 //! Physics to be concealed in a robot: one effect of the catalogue, drawn by seed, clearly visible but of realistic size.
 
-use pkm_dyn::effects::{Applied, CATALOGUE, EffectError, Entry, Law, Parameter, PlaceKind, Robot, Unit, find};
+use pkm_dyn::effects::{Applied, CATALOGUE, EffectError, Entry, Law, Parameter, PlaceKind, Robot, Site, Unit, find};
 use pkm_dyn::model::{JointKind, Model};
 use pkm_dyn::urdf::Description;
 
@@ -46,6 +46,9 @@ pub fn draw(seed: u64, description: &Description, effect: Option<&str>) -> Resul
             PlaceKind::PassiveJoint => dice.at_a_passive_joint(),
             PlaceKind::Link => dice.on_a_link(),
             PlaceKind::RootLink => dice.at_the_mounting(),
+            PlaceKind::JointPair | PlaceKind::JointOrSensor | PlaceKind::LinkOrJoint | PlaceKind::LinkOrLoop => {
+                Err(SimError::NoPlace { effect: entry.name, problem: "a place and a size for it are not drawn: state them" })
+            }
         }?;
         if named.is_some() || draws == DRAWS || dice.change_of(&applied)? >= TOO_WELL_HIDDEN {
             return Ok(vec![applied]);
@@ -58,15 +61,12 @@ pub fn draw(seed: u64, description: &Description, effect: Option<&str>) -> Resul
 #[must_use]
 pub fn describe(effects: &[Applied], model: &Model) -> String {
     let one = |e: &Applied| {
-        let kind = match e.entry.place {
-            PlaceKind::Joint | PlaceKind::PassiveJoint => model.joints[e.place].kind,
-            PlaceKind::Link | PlaceKind::RootLink => JointKind::Revolute,
-        };
+        let kind = if e.site == Site::Joint { model.joints[e.place].kind } else { JointKind::Revolute };
         // Zeros that need not be stated are left out.
         let stated = e.entry.parameters.iter().zip(&e.values).filter(|(p, v)| v.abs() > 0.0 || p.default.is_none());
         let unit = |p: &Parameter| if p.unit == Unit::One { String::new() } else { format!(" {}", p.unit.text(kind)) };
         let numbers: Vec<String> = stated.map(|(p, v)| format!("{} = {}{}", p.name, rounded(*v), unit(p))).collect();
-        format!("{} at {}: {}", e.entry.name, e.place_name(model), numbers.join(", "))
+        format!("{} at {}: {}", e.entry.name, e.place_names(model).join(" and "), numbers.join(", "))
     };
     if effects.is_empty() { "nothing".to_string() } else { effects.iter().map(one).collect::<Vec<_>>().join("; ") }
 }
@@ -107,7 +107,7 @@ impl Dice<'_> {
     fn applied(&self, place: usize, values: Vec<f64>) -> Result<Applied, SimError> {
         let names = self.entry.parameters.iter().map(|p| p.name.to_string());
         let stated: Vec<(String, f64)> = names.zip(values.iter().copied()).collect();
-        let place = Applied { entry: self.entry, place, values }.place_name(&self.robot.model).to_string();
+        let place = Applied::at(self.entry, place, values).place_name(&self.robot.model).to_string();
         // Through the same door as a user's file, so that every bound is checked.
         Ok(Applied::try_new(&self.robot.model, self.entry.name, &place, &stated)?)
     }
@@ -207,7 +207,8 @@ impl Dice<'_> {
                 let drive = self.robot.model.actuators.iter().position(|&j| j == applied.place);
                 drive.map_or(Ok(0.0), |k| self.change_by_offset(k, applied.values[0]))
             }
-            Law::JointEffort(_) | Law::Inertia(_) | Law::Gravity(_) => self.change_by(applied.place, applied.values.clone()),
+            // The rest changes the effort of a rigid motion, or is not drawn without a name.
+            _ => self.change_by(applied.place, applied.values.clone()),
         }
     }
 
@@ -268,7 +269,7 @@ impl Dice<'_> {
 
     /// Change of effort by the entry with those values, as [`NominalMotion::change`] has it; never zero.
     fn change_by(&self, place: usize, values: Vec<f64>) -> Result<f64, SimError> {
-        let effect = Applied { entry: self.entry, place, values };
+        let effect = Applied::at(self.entry, place, values);
         let mut changed = Robot::new(self.robot.model.clone(), vec![effect]);
         changed.effects.extend(self.robot.effects.iter().cloned());
         let offsets = vec![0.0; self.robot.model.n_act()];

@@ -75,7 +75,9 @@ impl NominalMotion {
             let beyond: f64 = (0..self.tree_velocity.len())
                 .map(|j| {
                     let load = if robot.model.actuators[k] == j { data.tau_act[k] } else { 0.0 };
-                    let state = JointState { q: data.q[j], v: data.v[j], a: data.a[j], sign: math::sign(data.v[j]), load };
+                    let viscous = robot.model.joints[j].viscous;
+                    let [q, v, a] = [data.q[j], data.v[j], data.a[j]];
+                    let state = JointState { q, v, a, sign: math::sign(v), load, viscous, ..JointState::default() };
                     data.reduction[(j, k)] * robot.joint_effort(j, &state)
                 })
                 .sum();

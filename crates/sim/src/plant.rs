@@ -125,7 +125,7 @@ impl ReducedPlant {
 
     /// Levels of every resisting joint; inertia among the effects goes into `mass`.
     fn resist(&mut self, h: f64) {
-        let Self { robot, data, resisting, contacts, drive_of, v, a, bias, mass, .. } = self;
+        let Self { robot, data, resisting, contacts, drive_of, v, a, bias, mass, time, .. } = self;
         let n = v.len();
         for (&j, contact) in resisting.iter().zip(contacts.iter_mut()) {
             for k in 0..n {
@@ -136,7 +136,8 @@ impl ReducedPlant {
             // Half a step ahead the velocity may have changed sign where it will in fact stop: stay on this side.
             let speed = if start * middle > 0.0 { middle } else { start };
             let load = drive_of[j].map_or(0.0, |d| bias[d] + (0..n).map(|k| mass[(d, k)] * a[k]).sum::<f64>());
-            let state = JointState { q: data.q[j], v: 0.0, a: 0.0, sign: 0.0, load };
+            let viscous = robot.model.joints[j].viscous;
+            let state = JointState { q: data.q[j], load, viscous, warmth: *time, time: *time, ..JointState::default() };
             let effort = |v: f64, sign: f64, a: f64| robot.joint_effort(j, &JointState { v, sign, a, ..state });
             (contact.low, contact.high) = levels(speed, |v, sign| effort(v, sign, 0.0));
             let inertia = effort(speed, 0.0, 1.0) - effort(speed, 0.0, 0.0);
@@ -167,7 +168,7 @@ pub(crate) fn check(closure: &Closure, time: f64) -> Result<(), SimError> {
 }
 
 fn resisting(robot: &Robot) -> Vec<usize> {
-    let has_effect = |j: usize| robot.effects.iter().any(|e| e.place == j && matches!(e.entry.law, Law::JointEffort(_)));
+    let has_effect = |j: usize| robot.effects.iter().any(|e| e.is_at_joint(j) && matches!(e.entry.law, Law::JointEffort(_)));
     let rubs = |m: &Model, j: usize| m.joints[j].viscous > 0.0 || m.joints[j].coulomb > 0.0;
     (0..robot.model.nv()).filter(|&j| rubs(&robot.model, j) || has_effect(j)).collect()
 }

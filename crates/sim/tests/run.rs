@@ -87,7 +87,8 @@ fn mismatch(robot: &Robot, recording: &Recording) -> f64 {
         for k in 0..names.len() {
             let beyond: f64 = (0..model.nv())
                 .map(|j| {
-                    let state = JointState { q: data.q[j], v: data.v[j], a: data.a[j], sign: sign(data.v[j]), load: 0.0 };
+                    let [q, v, a] = [data.q[j], data.v[j], data.a[j]];
+                    let state = JointState { q, v, a, sign: sign(v), ..JointState::default() };
                     data.reduction[(j, k)] * robot.joint_effort(j, &state)
                 })
                 .sum();

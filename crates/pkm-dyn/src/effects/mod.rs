@@ -61,10 +61,57 @@ pub enum PlaceKind {
     Joint,
     /// A joint that no drive moves.
     PassiveJoint,
+    /// Two joints.
+    JointPair,
+    /// A driven joint or a sensor.
+    JointOrSensor,
     /// A link.
     Link,
+    /// A link or a joint.
+    LinkOrJoint,
+    /// A link or a loop.
+    LinkOrLoop,
     /// The root link: the mounting.
     RootLink,
+}
+
+impl PlaceKind {
+    /// What a place of this kind counts where its name does not say otherwise.
+    #[must_use]
+    pub const fn site(self) -> Site {
+        match self {
+            Self::Joint | Self::PassiveJoint | Self::JointPair | Self::JointOrSensor => Site::Joint,
+            Self::Link | Self::LinkOrJoint | Self::LinkOrLoop | Self::RootLink => Site::Link,
+        }
+    }
+
+    /// In words, with an article.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Joint => "a driven joint",
+            Self::PassiveJoint => "a passive joint",
+            Self::JointPair => "two joints",
+            Self::JointOrSensor => "a driven joint or a sensor",
+            Self::Link => "a link",
+            Self::LinkOrJoint => "a link or a joint",
+            Self::LinkOrLoop => "a link or a loop",
+            Self::RootLink => "the root link (the mounting)",
+        }
+    }
+}
+
+/// What the number of an effect's place counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Site {
+    /// Joints of the tree.
+    Joint,
+    /// Links.
+    Link,
+    /// Loop closures.
+    Loop,
+    /// Sensors.
+    Sensor,
 }
 
 /// What an effect does with energy.
@@ -74,6 +121,8 @@ pub enum Energy {
     Stores,
     /// Turns it into heat; its power is never negative.
     Dissipates,
+    /// Brings in energy from outside.
+    Feeds,
     /// Is no force at all.
     Neither,
 }
@@ -175,6 +224,44 @@ pub struct JointState {
     pub sign: f64,
     /// Effort the rigid model transmits at the joint `[N | N·m]`.
     pub load: f64,
+    /// Nominal viscous friction of the joint `[N·s/m | N·m·s/rad]`: what a change of friction is a share of.
+    pub viscous: f64,
+    /// How far the joint has warmed up: temperature above that of the first sample `[°C]` where one is recorded, otherwise time since then `[s]`.
+    pub warmth: f64,
+    /// Time since the motion began `[s]`.
+    pub time: f64,
+}
+
+/// State of one link, as a law sees it; all in the root frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct LinkState {
+    /// Position of the link's origin `[m]`.
+    pub position: [f64; 3],
+    /// Displacement of the link's origin since the motion began `[m]`, then the rotation vector since then `[rad]`.
+    pub displacement: [f64; 6],
+    /// Velocity of the link's origin `[m/s]`, then angular velocity `[rad/s]`.
+    pub velocity: [f64; 6],
+    /// Time since the motion began `[s]`.
+    pub time: f64,
+}
+
+/// A force with a memory: one state `z`, at rest zero.
+#[derive(Debug, Clone, Copy)]
+pub struct Memory {
+    /// dz/dt for parameters, `z` `[m | rad]` and joint velocity `[m/s | rad/s]`.
+    pub rate: fn(&[f64], f64, f64) -> f64,
+    /// Effort for parameters, `z` and joint velocity `[N | N·m]`.
+    pub effort: fn(&[f64], f64, f64) -> f64,
+}
+
+/// How motor and load of a drive part company.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Transmission {
+    /// Play: parameter 0 is the gap between both ends of the play `[m | rad]`.
+    Play,
+    /// A spring of stiffness parameter 0 with damping parameter 1; parameter 2 is the inertia on the motor's side `[kg | kg·m²]`, 0 the
+    /// rotor's.
+    Spring,
 }
 
 /// How an effect enters the equations.
@@ -182,6 +269,21 @@ pub struct JointState {
 pub enum Law {
     /// An effort at a joint's coordinate.
     JointEffort(fn(&[f64], &JointState) -> f64),
+    /// As [`Law::JointEffort`] for the sum of two joints' coordinates: both feel the effort.
+    PairEffort(fn(&[f64], &JointState) -> f64),
+    /// An effort at a joint's coordinate that depends on the way there.
+    Memory(Memory),
+    /// Motor and load of a drive have coordinates of their own.
+    Transmission(Transmission),
+    /// A link hangs on springs of stiffness parameter 0 `[N/m]` and damping parameter 1 in all three directions.
+    Structure,
+    /// A wrench of the robot on its environment at a link's origin, force first, in the root frame `[N, N·m]`; at a joint, the first
+    /// component is an effort at its coordinate and the state's first components are the joint's.
+    Wrench(fn(&[f64], &LinkState) -> [f64; 6]),
+    /// A force of a person at a link's origin that no repetition brings back: parameter 0 is its rms `[N]`.
+    Person,
+    /// A change of the place of a link in its parent, or of a loop's frame b.
+    Geometry(fn(&mut Model, (Site, usize), &[f64])),
     /// A change of a link's mass properties.
     Inertia(fn(&mut Model, usize, &[f64])),
     /// A change of gravity in the root frame.
@@ -192,8 +294,18 @@ pub enum Law {
     EffortLag,
     /// Recorded effort at t = acting effort at t + parameter 0.
     EffortDelay,
+    /// Acting effort = recorded effort clipped at ± parameter 0.
+    EffortLimit,
+    /// Recorded efforts within ± half of parameter 0 do not act; larger ones lose that half.
+    EffortDeadZone,
     /// True position = reading + parameter 0.
     PositionOffset,
+    /// True position = reading + parameter 0 · sin(parameter 1 · true position + parameter 2).
+    PositionPeriodic,
+    /// Reading = true value + parameter 0 · time, of a position or of a sensor.
+    Drift,
+    /// The recorded command is not the controller's: this share of it is missing.
+    CommandShare,
 }
 
 /// One effect of the library.

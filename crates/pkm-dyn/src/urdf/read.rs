@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::spec::{LoopSpec, Spec};
 use super::tree::{MAX_BYTES, TreeError, tree};
-use crate::effects::{Applied, EffectError, Robot};
+use crate::effects::{Applied, EffectError, PlaceKind, Robot, find};
 use crate::model::{AXES, BuildError, LoopClosure, Model, SensorKind};
 use crate::spatial::Pose;
 
@@ -129,8 +129,12 @@ fn describe(spec: Spec, toml_text: String, urdf_text: String, names: [&str; 2]) 
     let mut effects = Vec::new();
     for e in &spec.effects {
         let parameters: Vec<(String, f64)> = e.parameters.iter().map(|(k, v)| (k.clone(), *v)).collect();
-        for place in e.places.names() {
-            let applied = Applied::try_new(&bare, &e.name, place, &parameters);
+        // Several places mean one effect at each, unless two places are one.
+        let is_pair = find(&e.name).is_some_and(|entry| entry.place == PlaceKind::JointPair);
+        let names: Vec<String> = e.places.names().into_iter().map(String::from).collect();
+        let places = if is_pair { vec![names.join(",")] } else { names };
+        for place in places {
+            let applied = Applied::try_new(&bare, &e.name, &place, &parameters);
             effects.push(applied.map_err(|cause| LoadError::Effect { file: toml_name.clone(), cause })?);
         }
     }

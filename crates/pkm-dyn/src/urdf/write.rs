@@ -62,7 +62,7 @@ pub fn refined_toml(description: &Description, model: &Model, effects: &[Applied
         .filter(|e| !matches!(e.entry.law, Law::Gravity(_)) && e.entry.name != "inertia_error")
         .map(|e| EffectSpec {
             name: e.entry.name.to_string(),
-            places: Places::Many(vec![e.place_name(model).to_string()]),
+            places: Places::Many(e.place_names(model).into_iter().map(String::from).collect()),
             parameters: e.entry.parameters.iter().zip(&e.values).map(|(p, v)| (p.name.to_string(), *v)).collect(),
         })
         .collect();

@@ -204,7 +204,7 @@ pub(super) fn json(robot: &Robot, checked: &Checked) -> Value {
         model.loops.iter().map(|l| json!({"name": l.name, "a": carrier(model, &l.a), "b": carrier(model, &l.b), "rows": l.n_rows()}));
     let couplings = model.couplings.iter().map(|c| json!({"joint": model.joints[c.joint].name, "offset": c.offset}));
     let sensors = model.sensors.iter().map(|s| json!({"name": s.name, "kind": sensor_kind(s.kind), "link": model.links[s.link].name}));
-    let effects = robot.effects.iter().map(|e| json!({"effect": e.entry.name, "where": [e.place_name(model)], "says": effect(e, model)}));
+    let effects = robot.effects.iter().map(|e| json!({"effect": e.entry.name, "where": e.place_names(model), "says": effect(e, model)}));
     let passive = model.passive();
     let list = |js: &[usize]| js.iter().map(|&j| model.joints[j].name.clone()).collect::<Vec<_>>();
     json!({

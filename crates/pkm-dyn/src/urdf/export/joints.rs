@@ -40,7 +40,7 @@ impl JointPhysics {
 pub(super) fn physics(robot: &Robot, j: usize) -> JointPhysics {
     let joint = &robot.model.joints[j];
     let mut out = JointPhysics { armature: joint.armature, viscous: joint.viscous, coulomb: joint.coulomb, ..JointPhysics::default() };
-    for e in robot.effects.iter().filter(|e| e.place == j && matches!(e.entry.law, Law::JointEffort(_))) {
+    for e in robot.effects.iter().filter(|e| e.is_at_joint(j) && matches!(e.entry.law, Law::JointEffort(_))) {
         out.add(e);
     }
     out
