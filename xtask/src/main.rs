@@ -16,6 +16,7 @@ cargo xtask test [STEP ...]   everything CI runs, in order, up to the first fail
 cargo xtask long              the long tier: PKM_LONG=1, tables into docs/results/
 cargo xtask bench [ARGS ...]  the benches; arguments go to criterion (`-- --quick`, a name)
 cargo xtask peers [ARGS ...]  pkm-dyn and Pinocchio's C++ in one run, into benches/README.md (`--rounds N`)
+cargo xtask slicot [N]        μ beside SLICOT's AB13MD on N problems in one run, into benches/README.md
 cargo xtask wheel             the Python wheel, optimised, into target/wheels/
 cargo xtask golden            the golden files of tests/, anew, with Pinocchio
 
@@ -28,6 +29,7 @@ fn main() -> ExitCode {
         Some("test") => checks::run_steps(&rest),
         Some("bench") => chores::bench(&rest),
         Some("peers") => peers::peers(&rest),
+        Some("slicot") => peers::slicot(&rest),
         Some("long") => none(&rest).and_then(|()| chores::long()),
         Some("wheel") => none(&rest).and_then(|()| chores::wheel()),
         Some("golden") => none(&rest).and_then(|()| chores::golden()),

@@ -1,4 +1,5 @@
-//! `cargo xtask peers`: pkm-dyn and Pinocchio's C++ measured in one run, and the table in benches/README.md written anew.
+//! `cargo xtask peers` and `cargo xtask slicot`: this project and others measured in one run, and the table in benches/README.md
+//! written anew.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -22,8 +23,11 @@ const DEFINES: [&str; 4] = [
 /// Columns of the table, and what the compiler is told for each.
 const COLUMNS: [(&str, &[&str]); 2] = [("Pinocchio", &[]), ("Pinocchio, -march=native", &["-march=native"])];
 
-/// The table stands between these two in benches/README.md.
-const MARKS: [&str; 2] = ["<!-- cargo xtask peers -->", "<!-- end -->"];
+/// The other side of μ.
+const SLYCOT: &str = "slycot==0.7.1";
+
+/// A table of benches/README.md stands between a mark that names its command and this one.
+const END: &str = "<!-- end -->";
 
 /// Installs Pinocchio's headers, compiles both sides, measures, and writes the table.
 pub(crate) fn peers(rest: &[&str]) -> Result<(), String> {
@@ -42,7 +46,20 @@ pub(crate) fn peers(rest: &[&str]) -> Result<(), String> {
     let (mut command, how) = undisturbed(&target().join("release/peers"));
     run(command.args(arguments).args(rest))?;
     let text = fs::read_to_string(&table).map_err(|e| format!("{}: {e}", table.display()))?;
-    publish(&format!("{}\n\n{text}", head(how)))
+    publish("peers", &format!("{}\n\n{text}", head(PINOCCHIO, how)))
+}
+
+/// Builds and installs the wheel, optimised, runs it beside SLICOT, and writes the table; an argument is the number of problems.
+pub(crate) fn slicot(rest: &[&str]) -> Result<(), String> {
+    let n = rest.first().copied().unwrap_or("2000");
+    let programs = python::environment()?;
+    let wheel = python::build(&programs, &["--release", "--auditwheel", "skip"])?.display().to_string();
+    python::install(&programs, &["--force-reinstall", "--no-deps", &wheel])?;
+    python::install(&programs, &[SLYCOT, "numpy"])?;
+    let table = target().join("slicot.md");
+    python::python(&programs, &["tests/golden/slicot/ab13md.py", "compare", n, &table.display().to_string()])?;
+    let text = fs::read_to_string(&table).map_err(|e| format!("{}: {e}", table.display()))?;
+    publish("slicot", &format!("{}\n\n{text}", head(SLYCOT, "wheels called from Python, not pinned, ordinary scheduler")))
 }
 
 fn compiler() -> String {
@@ -75,14 +92,14 @@ fn undisturbed(path: &Path) -> (Command, &'static str) {
 }
 
 /// Where, when and with what the numbers were measured.
-fn head(how: &str) -> String {
+fn head(peer: &str, how: &str) -> String {
     let first = |text: Option<String>| text.and_then(|t| t.lines().next().map(str::to_string)).unwrap_or_else(|| "unknown".to_string());
     let processor = fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| {
         let line = text.lines().find(|l| l.starts_with("model name"))?.to_string();
         line.split_once(':').map(|(_, name)| name.trim().to_string())
     });
     format!(
-        "{}, {how}; {}; {}; {PINOCCHIO}; commit {}, {}.",
+        "{}, {how}; {}; {}; {peer}; commit {}, {}.",
         first(processor),
         first(answer(&mut program("rustc", &["--version"]))),
         first(answer(&mut program(compiler(), &["--version"]))),
@@ -91,19 +108,20 @@ fn head(how: &str) -> String {
     )
 }
 
-/// Puts the text between the marks of benches/README.md.
-fn publish(text: &str) -> Result<(), String> {
+/// Puts the text between the marks of a command in benches/README.md.
+fn publish(command: &str, text: &str) -> Result<(), String> {
     let path = root().join("benches/README.md");
     let old = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
-    let new = between(&old, text).ok_or_else(|| format!("{}: no {:?} and {:?} after it", path.display(), MARKS[0], MARKS[1]))?;
+    let begin = format!("<!-- cargo xtask {command} -->");
+    let new = between(&old, &begin, text).ok_or_else(|| format!("{}: no {begin:?} and {END:?} after it", path.display()))?;
     fs::write(&path, new).map_err(|e| format!("{}: {e}", path.display()))
 }
 
 /// `old` with what stands between the marks replaced.
-fn between(old: &str, text: &str) -> Option<String> {
-    let (before, rest) = old.split_once(MARKS[0])?;
-    let (_, after) = rest.split_once(MARKS[1])?;
-    Some(format!("{before}{}\n{}\n{}{after}", MARKS[0], text.trim_end(), MARKS[1]))
+fn between(old: &str, begin: &str, text: &str) -> Option<String> {
+    let (before, rest) = old.split_once(begin)?;
+    let (_, after) = rest.split_once(END)?;
+    Some(format!("{before}{begin}\n{}\n{END}{after}", text.trim_end()))
 }
 
 #[cfg(test)]
@@ -112,8 +130,9 @@ mod tests {
 
     #[test]
     fn only_what_stands_between_the_marks_is_replaced() {
-        let old = "a\n<!-- cargo xtask peers -->\nold\n<!-- end -->\nb\n";
-        assert_eq!(between(old, "new\n").as_deref(), Some("a\n<!-- cargo xtask peers -->\nnew\n<!-- end -->\nb\n"));
-        assert_eq!(between("<!-- end --> <!-- cargo xtask peers -->", "new"), None);
+        let old = "a\n<!-- x -->\nother\n<!-- end -->\n<!-- y -->\nold\n<!-- end -->\nb\n";
+        let new = "a\n<!-- x -->\nother\n<!-- end -->\n<!-- y -->\nnew\n<!-- end -->\nb\n";
+        assert_eq!(between(old, "<!-- y -->", "new\n").as_deref(), Some(new));
+        assert_eq!(between("<!-- end --> <!-- y -->", "<!-- y -->", "new"), None);
     }
 }
