@@ -15,6 +15,7 @@ mod out;
 mod outputs;
 mod progress;
 mod random;
+mod reproduce;
 mod robot_file;
 mod seal;
 mod simulate;
@@ -60,6 +61,7 @@ Analyse a control loop:
   mu          Bound the structured singular value: how much uncertainty a loop survives
 
 See it work:
+  reproduce   Do a paper's experiments again and compare its numbers with ours
   demo        Conceal an effect in a simulated robot and find it again; needs no files
 
 Options:
@@ -112,6 +114,8 @@ enum Verb {
     TrialNull(trial_null::Args),
     /// Bound the structured singular value: how much uncertainty a loop survives.
     Mu(mu::Args),
+    /// Do a paper's experiments again and compare its numbers with ours.
+    Reproduce(reproduce::Args),
     /// Conceal an effect in a simulated robot and find it again.
     Demo(demo::Args),
 }
@@ -134,6 +138,7 @@ fn main() -> ExitCode {
         Verb::Diagnose(args) => diagnose::run(args),
         Verb::TrialNull(args) => trial_null::run(args),
         Verb::Mu(args) => mu::run(args),
+        Verb::Reproduce(args) => reproduce::run(args),
         Verb::Demo(args) => demo::run(args),
     }));
     match result {

@@ -6,5 +6,6 @@ mod export;
 mod fixture;
 mod identify;
 mod mu;
+mod reproduce;
 mod simulate;
 mod verbs;
