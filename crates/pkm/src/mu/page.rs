@@ -19,7 +19,7 @@ pub(super) fn html(problem: &Problem, found: &Found) -> String {
         eyebrow: "Structured singular value".to_string(),
         title: problem.name.clone(),
         outcome: (outcome.0.to_string(), outcome.1),
-        answer: format!("{} {}.", answer(found), subject(problem)),
+        answer: format!("{} System: {}.", answer(found), subject(problem)),
         figures: found.sweep.iter().map(|s| figure(s, found)).collect(),
         tables: tables(problem, found),
         footer:
@@ -37,8 +37,12 @@ fn figure(s: &Sweep, found: &Found) -> Figure {
         points: s.points.iter().map(|p| (p.w, of(p))).collect(),
     };
     let ends: Vec<f64> = s.points.iter().map(|p| p.w).filter(|w| *w > 0.0 && w.is_finite()).collect();
-    let mut curves =
-        vec![curve("lower bound at points", Ink::Second, |p| p.lower), curve("upper bound at points", Ink::First, |p| p.upper)];
+    let mut lower = curve("lower bound at points", Ink::Second, |p| p.lower);
+    // The worst perturbation is searched for between the points as well.
+    lower.points.push((found.worst.w, found.worst.beta));
+    lower.points.retain(|(w, beta)| w.is_finite() && beta.is_finite());
+    lower.points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut curves = vec![lower, curve("upper bound at points", Ink::First, |p| p.upper)];
     let mut shaded = (String::new(), Vec::new());
     match &s.guarantee {
         Guarantee::Interval(range) => {
