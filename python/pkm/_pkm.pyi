@@ -95,7 +95,7 @@ class CatalogueEntry(TypedDict):
     equation: str
     place: Literal["joint", "passive joint", "link", "root link"]
     compensation: str
-    energy: Literal["stores", "dissipates", "neither"]
+    energy: Literal["stores", "dissipates", "passive", "feeds", "neither"]
     parameters: list[Parameter]
     look_alikes: list[LookAlike]
 

@@ -101,8 +101,7 @@ pub(crate) fn motion(robot: &Robot, segment: Segment) -> Result<Motion, InputErr
 
 /// Laws of the robot's files that a prediction of efforts has in it.
 fn is_taken_into_account(law: &Law) -> bool {
-    law.is_in_the_model()
-        || matches!(law, Law::JointEffort(_) | Law::EffortScale | Law::EffortLag | Law::EffortDelay | Law::PositionOffset)
+    law.is_in_the_model() || matches!(law, Law::JointEffort(_) | Law::EffortScale | Law::EffortLag | Law::EffortDelay | Law::PositionOffset)
 }
 
 fn apply_load(model: &mut Model, segment: &Segment) -> Result<(), InputError> {

@@ -10,7 +10,10 @@ pub(super) const ENTRY: Entry = Entry {
     parameters: &[Parameter { name: "share", unit: Unit::Share, lower: -1.0, default: None }],
     place: PlaceKind::Joint,
     look_alikes: &[
-        LookAlike { effect: "torque_constant", experiment: "replay the controller on the recorded signals: plant physics leave its command alone" },
+        LookAlike {
+            effect: "torque_constant",
+            experiment: "replay the controller on the recorded signals: plant physics leave its command alone",
+        },
         LookAlike { effect: "saturation", experiment: "replay the controller on the recorded signals at half the effort" },
     ],
     compensation: "correct controller.toml: the gains or filters that run are others",

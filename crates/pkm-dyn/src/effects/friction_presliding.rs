@@ -21,7 +21,10 @@ pub(super) const ENTRY: Entry = Entry {
             effect: "backlash",
             experiment: "reverse by ever smaller amplitudes: the loop of pre-sliding shrinks with them, play does not move at all",
         },
-        LookAlike { effect: "joint_elasticity", experiment: "hold at several loads: elasticity follows the load, pre-sliding the way there" },
+        LookAlike {
+            effect: "joint_elasticity",
+            experiment: "hold at several loads: elasticity follows the load, pre-sliding the way there",
+        },
     ],
     compensation: "add stiffness·z of the reference motion to the feed-forward effort; no sign function is needed",
     energy: Energy::Passive,

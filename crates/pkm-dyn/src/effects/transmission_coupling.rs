@@ -15,8 +15,14 @@ pub(super) const ENTRY: Entry = Entry {
     ],
     place: PlaceKind::JointPair,
     look_alikes: &[
-        LookAlike { effect: "inertia_error", experiment: "move one joint in several postures of the other: link inertia varies, coupling does not" },
-        LookAlike { effect: "friction_coulomb", experiment: "move one joint while the other stands, then both against each other: coupled friction vanishes" },
+        LookAlike {
+            effect: "inertia_error",
+            experiment: "move one joint in several postures of the other: link inertia varies, coupling does not",
+        },
+        LookAlike {
+            effect: "friction_coulomb",
+            experiment: "move one joint while the other stands, then both against each other: coupled friction vanishes",
+        },
         LookAlike { effect: "rotor_inertia", experiment: "accelerate one joint and watch the effort of the other" },
     ],
     compensation: "add the term of v1_ref + v2_ref and a1_ref + a2_ref to the feed-forward of both drives",

@@ -53,7 +53,8 @@ pub(super) fn left_out(robot: &Robot, also: &[&str]) -> Vec<String> {
         let is_in_the_model = e.entry.law.is_in_the_model();
         (is_summed || is_in_the_model) && !also.contains(&e.entry.name)
     };
-    let line =
-        |e: &Applied| format!("effect {} at {:?} is left out: the format has no place for it", e.entry.name, e.place_names(&robot.model).join(","));
+    let line = |e: &Applied| {
+        format!("effect {} at {:?} is left out: the format has no place for it", e.entry.name, e.place_names(&robot.model).join(","))
+    };
     robot.effects.iter().filter(|e| !is_known(e)).map(line).collect()
 }
