@@ -24,7 +24,7 @@ pub(super) const FORM: Form = Form {
 const PART: f64 = 0.05;
 const MOST_PARTS: f64 = 1000.0;
 
-/// \[Wen1976\], eq. 5, with both shape factors adding up to one, so that abs(z) stays below one.
+/// \[Wen1976\] with both shape factors adding up to one, so that abs(z) stays below one.
 #[derive(Debug, Clone)]
 struct BoucWen {
     joint: usize,
@@ -103,8 +103,8 @@ mod tests {
             }
         }
         // Two rounds; each turn back first crosses z from ±1 to 0 along a line of length reach, then rises as an exponential:
-        // per leg hysteresis·(2·amplitude − reach/2 − reach).
-        let want = 4.0 * 3.0 * (2.0 * amplitude - 1.5 * 0.001);
+        // per leg hysteresis·(2·amplitude − reach/2 − 2·reach).
+        let want = 4.0 * 3.0 * (2.0 * amplitude - 2.5 * 0.001);
         assert!((work / want - 1.0).abs() < 1e-3, "{work} J instead of {want} J");
     }
 }

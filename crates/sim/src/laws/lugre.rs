@@ -23,7 +23,7 @@ pub(super) const FORM: Form = Form {
     },
 };
 
-/// \[CanudasDeWit1995\], eq. 4 to 6.
+/// \[CanudasDeWit1995\].
 #[derive(Debug, Clone)]
 struct Lugre {
     joint: usize,

@@ -18,7 +18,7 @@ pub(super) const FORM: Form = Form {
     build: |joint, p| Box::new(Exponent { joint, coulomb: p[0], stiction: p[1], stribeck_velocity: p[2], exponent: p[3] }),
 };
 
-/// \[Armstrong1994\], eq. 4.
+/// \[Armstrong1994\].
 #[derive(Debug, Clone)]
 struct Exponent {
     joint: usize,

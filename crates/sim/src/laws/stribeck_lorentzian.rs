@@ -16,7 +16,7 @@ pub(super) const FORM: Form = Form {
     build: |joint, p| Box::new(Lorentzian { joint, coulomb: p[0], stiction: p[1], stribeck_velocity: p[2] }),
 };
 
-/// \[Armstrong1994\], eq. 5.
+/// \[Armstrong1994\].
 #[derive(Debug, Clone)]
 struct Lorentzian {
     joint: usize,
