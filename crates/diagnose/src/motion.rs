@@ -71,9 +71,6 @@ struct Pass<'r> {
 
 /// Runs the robot's equations along a segment; `top_speed` `[m/s | rad/s]` per tree joint sets the softness of directions.
 pub(crate) fn motion(robot: &Robot, segment: Segment) -> Result<Motion, InputError> {
-    if let Some(effect) = robot.left_aside(is_taken_into_account) {
-        return Err(InputError::Effect { effect, robot: robot.model.name.clone() });
-    }
     let mut model = robot.model.clone();
     if let Some(g) = segment.gravity {
         model.gravity = g.into();
@@ -97,11 +94,6 @@ pub(crate) fn motion(robot: &Robot, segment: Segment) -> Result<Motion, InputErr
     pass.run()?;
     pass.predict();
     Ok(pass.out)
-}
-
-/// Laws of the robot's files that a prediction of efforts has in it.
-fn is_taken_into_account(law: &Law) -> bool {
-    law.is_in_the_model() || matches!(law, Law::JointEffort(_) | Law::EffortScale | Law::EffortLag | Law::EffortDelay | Law::PositionOffset)
 }
 
 fn apply_load(model: &mut Model, segment: &Segment) -> Result<(), InputError> {

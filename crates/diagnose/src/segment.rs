@@ -49,6 +49,9 @@ pub(crate) fn segments(robot: &Robot, recordings: &[(&Recording, Use)], band: Op
     if recordings.is_empty() {
         return Err(InputError::NoRecording);
     }
+    if let Some(effect) = robot.left_aside(is_taken_into_account) {
+        return Err(InputError::Effect { effect, robot: robot.model.name.clone() });
+    }
     let raws = recordings.iter().map(|(r, _)| raw(robot, r)).collect::<Result<Vec<_>, _>>()?;
     let slowest = raws.iter().map(|r| 1.0 / r.grid.dt).fold(f64::INFINITY, f64::min);
     let limit = 0.4 * slowest;
@@ -59,6 +62,11 @@ pub(crate) fn segments(robot: &Robot, recordings: &[(&Recording, Use)], band: Op
     };
     let out = raws.into_iter().zip(recordings).map(|(raw, (r, used))| segment(raw, r, *used, band)).collect();
     Ok((out, band))
+}
+
+/// Laws of the robot's files that a prediction of efforts has in it.
+fn is_taken_into_account(law: &Law) -> bool {
+    law.is_in_the_model() || matches!(law, Law::JointEffort(_) | Law::EffortScale | Law::EffortLag | Law::EffortDelay | Law::PositionOffset)
 }
 
 /// Five harmonics of the fastest motion, median over joints and recordings to be fitted.
