@@ -77,6 +77,7 @@ class Parameter(TypedDict):
     name: str
     unit: Units
     lower: float
+    upper: float
     default: float | None
 
 @type_check_only
@@ -93,7 +94,7 @@ class CatalogueEntry(TypedDict):
     name: str
     sentence: str
     equation: str
-    place: Literal["joint", "passive joint", "link", "root link"]
+    place: str
     compensation: str
     energy: Literal["stores", "dissipates", "passive", "feeds", "neither"]
     parameters: list[Parameter]
