@@ -18,7 +18,7 @@ fn whole_runs(c: &mut Criterion) {
     group.sample_size(10).sampling_mode(SamplingMode::Flat);
     for (name, duration_s, rate_hz) in CASES {
         let nominal = shipped(name);
-        let hidden = draw(7, &nominal, Some("friction_stribeck")).expect("an effect for this robot");
+        let hidden = draw(7, &nominal, Some("friction_stribeck"), &[]).expect("an effect for this robot");
         let truth = concealed(&nominal, hidden);
         let scenario = Scenario { duration_s, rate_hz, ..Scenario::default() };
         let record = || run(&truth, &nominal.robot, &scenario, &mut |_| ()).expect("a run inside the limits");

@@ -4,7 +4,7 @@
 //! nominal robot and two recordings of the closed loop, nothing else.
 
 use pkm_diagnose::{Diagnosis, Settings, diagnose};
-use pkm_dyn::effects::{Applied, CATALOGUE, Robot};
+use pkm_dyn::effects::{Applied, Robot};
 use pkm_dyn::urdf::{Description, parse};
 use pkm_sim::Scenario;
 
@@ -56,7 +56,7 @@ fn sweep(robot: &str, effects: &[&str], seeds: core::ops::RangeInclusive<u64>) -
     let mut out = Vec::new();
     for seed in seeds {
         for effect in effects {
-            let hidden = pkm_sim::draw(seed, &nominal, Some(effect)).expect("every effect can be drawn on this robot");
+            let hidden = pkm_sim::draw(seed, &nominal, Some(effect), &[]).expect("every effect can be drawn on this robot");
             let d = trial(&nominal, &hidden, seed);
             let names: Vec<String> = d.verdict.findings.iter().map(|f| format!("{}@{}", f.effect, f.place.join(","))).collect();
             let o = outcome(&d, &hidden[0], &nominal);
@@ -121,7 +121,7 @@ fn nothing_hidden_is_called_nothing_missing() {
 #[test]
 fn a_slice_of_the_catalogue_is_found_on_the_parallel_robot() {
     let effects: Vec<&str> = if is_long() {
-        CATALOGUE.iter().map(|e| e.name).collect()
+        pkm_diagnose::looked_for()
     } else {
         vec!["friction_viscous", "friction_load", "friction_passive", "torque_constant"]
     };

@@ -4,7 +4,7 @@
 use core::f64::consts::PI;
 use core::slice::from_ref;
 
-use pkm_dyn::effects::Robot;
+use pkm_dyn::effects::{Applied, Robot};
 use pkm_dyn::inverse_dynamics::inverse_dynamics;
 use pkm_dyn::loops::{assemble, walk_to};
 use pkm_dyn::parameters::InertialParameters;
@@ -391,4 +391,26 @@ fn the_reduction_drops_what_is_not_determined_and_ends_physical() {
     assert!(last.is_feasible && last.worst_relative_sd < 0.5);
     assert!(last.heldout < 1.05 * first.heldout, "dropping what is not determined costs nothing: {steps:?}");
     assert_eq!(answer.parameters.len(), last.parameters);
+}
+
+#[test]
+fn physics_that_a_regression_of_efforts_cannot_have_in_it_is_refused_in_one_line() {
+    let description = rig();
+    let joint = description.bare.joints[description.bare.actuators[0]].name.clone();
+    let recording = made(&description.bare, &SHORT);
+    for (effect, numbers, by_diagnosis) in [
+        ("contact", &[("stiffness", 1e3), ("position", 0.1)][..], true),
+        ("friction_presliding", &[("stiffness", 1e5), ("coulomb", 2.0)], true),
+        ("saturation", &[("limit", 1.0)], true),
+        ("friction_thermal", &[("rate", 0.01)], false),
+    ] {
+        let numbers: Vec<(String, f64)> = numbers.iter().map(|(n, v)| ((*n).to_string(), *v)).collect();
+        let applied = Applied::try_new(&description.bare, effect, &joint, &numbers).expect("a valid effect");
+        let robot = Robot::new(description.bare.clone(), vec![applied]);
+        let said = identify(&robot, from_ref(&recording), &[], &settings(Method::Relevant), &mut |_| {}).expect_err(effect).to_string();
+        assert!(said.contains(effect) && said.contains(&joint) && !said.contains('\n'), "{said}");
+        let carrying = Description { robot, ..description.clone() };
+        let said = pkm_diagnose::predict(&carrying, &recording).err().map(|e| e.to_string());
+        assert_eq!(said.is_some_and(|s| s.contains(effect)), by_diagnosis, "{effect}");
+    }
 }

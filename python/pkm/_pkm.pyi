@@ -77,6 +77,7 @@ class Parameter(TypedDict):
     name: str
     unit: Units
     lower: float
+    upper: float
     default: float | None
 
 @type_check_only
@@ -93,9 +94,9 @@ class CatalogueEntry(TypedDict):
     name: str
     sentence: str
     equation: str
-    place: Literal["joint", "passive joint", "link", "root link"]
+    place: str
     compensation: str
-    energy: Literal["stores", "dissipates", "neither"]
+    energy: Literal["stores", "dissipates", "passive", "feeds", "neither"]
     parameters: list[Parameter]
     look_alikes: list[LookAlike]
 

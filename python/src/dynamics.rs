@@ -473,6 +473,7 @@ fn as_dict<'py>(py: Python<'py>, entry: &Entry) -> PyResult<Bound<'py, PyDict>> 
         one.set_item("name", p.name)?;
         one.set_item("unit", units)?;
         one.set_item("lower", p.lower)?;
+        one.set_item("upper", p.unit.upper())?;
         one.set_item("default", p.default)?;
         parameters.append(one)?;
     }
@@ -485,6 +486,7 @@ fn as_dict<'py>(py: Python<'py>, entry: &Entry) -> PyResult<Bound<'py, PyDict>> 
     let energy = match entry.energy {
         Energy::Stores => "stores",
         Energy::Dissipates => "dissipates",
+        Energy::Passive => "passive",
         Energy::Feeds => "feeds",
         Energy::Neither => "neither",
     };

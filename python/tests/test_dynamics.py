@@ -113,7 +113,7 @@ def test_the_catalogue_is_complete():
     coulomb = entries["friction_coulomb"]
     assert coulomb["place"] == "a driven joint" and coulomb["energy"] == "dissipates"
     assert coulomb["parameters"] == [
-        {"name": "coulomb", "unit": {"prismatic": "N", "revolute": "N·m"}, "lower": 0.0, "default": None}
+        {"name": "coulomb", "unit": {"prismatic": "N", "revolute": "N·m"}, "lower": 0.0, "upper": np.inf, "default": None}
     ]
     assert all(e["sentence"] and e["equation"] and e["look_alikes"] for e in entries.values())
 

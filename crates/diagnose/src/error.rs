@@ -64,6 +64,14 @@ pub enum InputError {
         /// Number of drives.
         drives: usize,
     },
+    /// An effect of the robot's files that no prediction of efforts can have in it.
+    #[error("robot {robot:?}: {effect} is not taken into account by a diagnosis: take it out of the robot's file first")]
+    Effect {
+        /// Effect and place.
+        effect: String,
+        /// Robot name.
+        robot: String,
+    },
     /// A band that no recording can show.
     #[error("band = {band} Hz (must be > 0 and below 0.4 of the sampling rate, {limit:.3} Hz)")]
     Band {

@@ -36,6 +36,7 @@ mod solve;
 pub mod verdict;
 mod work;
 
+pub use columns::looked_for;
 pub use engine::diagnose;
 pub use error::InputError;
 pub use evidence::{Diagnosis, Evidence, Refined};

@@ -13,8 +13,12 @@ use crate::settings::SOFTNESS;
 /// A passive joint along a segment.
 #[derive(Debug, Clone)]
 pub(crate) struct Passive {
+    /// Position `[m | rad]`.
+    pub(crate) q: Vec<f64>,
     /// Velocity `[m/s | rad/s]`.
     pub(crate) v: Vec<f64>,
+    /// Acceleration `[m/s² | rad/s²]`.
+    pub(crate) a: Vec<f64>,
     /// Row of the reduction: velocity per velocity of each drive, [drive][sample].
     pub(crate) g: Vec<Vec<f64>>,
 }
@@ -76,7 +80,7 @@ pub(crate) fn motion(robot: &Robot, segment: Segment) -> Result<Motion, InputErr
     let links = model.massive_links();
     let data = Data::new(&model);
     let zeros = || vec![vec![0.0; n]; na];
-    let passive = data.dependent.iter().map(|_| Passive { v: vec![0.0; n], g: zeros() }).collect();
+    let passive = data.dependent.iter().map(|_| Passive { q: vec![0.0; n], v: vec![0.0; n], a: vec![0.0; n], g: zeros() }).collect();
     let out = Motion {
         rigid: zeros(),
         link_columns: vec![zeros(); links.len() * N_INERTIAL],
@@ -174,7 +178,8 @@ impl Pass<'_> {
             self.out.rigid[k][i] = self.data.tau_act[k];
         }
         for (p, &j) in self.data.dependent.iter().enumerate() {
-            self.out.passive[p].v[i] = self.data.v[j];
+            let passive = &mut self.out.passive[p];
+            (passive.q[i], passive.v[i], passive.a[i]) = (self.data.q[j], self.data.v[j], self.data.a[j]);
             for k in 0..na {
                 self.out.passive[p].g[k][i] = self.data.reduction[(j, k)];
             }
@@ -229,18 +234,22 @@ impl Pass<'_> {
                 let scale: f64 = self.robot.chain(j, |law| matches!(law, Law::EffortScale)).product();
                 for i in 0..n {
                     let s = &self.out.segment;
+                    let time = s.dt * i as f64;
                     let state = JointState {
                         q: s.q[k][i],
                         v: s.v[k][i],
                         a: s.a[k][i],
                         sign: soft_sign(s.v[k][i], width[j]),
                         load: self.out.rigid[k][i],
-                        viscous: self.robot.model.joints[j].viscous,
+                        warmth: s.warmth[k].get(i).copied().unwrap_or(time),
+                        time,
                         ..JointState::default()
                     };
                     let mut sum = self.out.rigid[k][i] + self.robot.joint_effort(j, &state);
                     for (p, passive) in self.data.dependent.iter().zip(&self.out.passive) {
-                        let state = JointState { v: passive.v[i], sign: soft_sign(passive.v[i], width[*p]), ..JointState::default() };
+                        let (q, v, a) = (passive.q[i], passive.v[i], passive.a[i]);
+                        let sign = soft_sign(v, width[*p]);
+                        let state = JointState { q, v, a, sign, warmth: time, time, ..JointState::default() };
                         sum += passive.g[k][i] * self.robot.joint_effort(*p, &state);
                     }
                     self.out.nominal[w][k][i] = sum / scale;

@@ -25,6 +25,8 @@ pub(crate) struct Segment {
     pub(crate) v: Vec<Vec<f64>>,
     pub(crate) a: Vec<Vec<f64>>,
     pub(crate) tau: Vec<Vec<f64>>,
+    /// Temperature above that of the first sample `[°C]`; empty where none is recorded.
+    pub(crate) warmth: Vec<Vec<f64>>,
     /// Raw samples that may be used: measured, not in a gap.
     pub(crate) valid: Vec<bool>,
     /// Gravity stated for this recording, if the base was tilted on purpose `[m/s²]`.
@@ -38,6 +40,7 @@ struct Raw {
     grid: Grid,
     q: Vec<Vec<f64>>,
     tau: Vec<Vec<f64>>,
+    warmth: Vec<Vec<f64>>,
     valid: Vec<bool>,
 }
 
@@ -45,6 +48,9 @@ struct Raw {
 pub(crate) fn segments(robot: &Robot, recordings: &[(&Recording, Use)], band: Option<f64>) -> Result<(Vec<Segment>, f64), InputError> {
     if recordings.is_empty() {
         return Err(InputError::NoRecording);
+    }
+    if let Some(effect) = robot.left_aside(is_taken_into_account) {
+        return Err(InputError::Effect { effect, robot: robot.model.name.clone() });
     }
     let raws = recordings.iter().map(|(r, _)| raw(robot, r)).collect::<Result<Vec<_>, _>>()?;
     let slowest = raws.iter().map(|r| 1.0 / r.grid.dt).fold(f64::INFINITY, f64::min);
@@ -56,6 +62,11 @@ pub(crate) fn segments(robot: &Robot, recordings: &[(&Recording, Use)], band: Op
     };
     let out = raws.into_iter().zip(recordings).map(|(raw, (r, used))| segment(raw, r, *used, band)).collect();
     Ok((out, band))
+}
+
+/// Laws of the robot's files that a prediction of efforts has in it.
+fn is_taken_into_account(law: &Law) -> bool {
+    law.is_in_the_model() || matches!(law, Law::JointEffort(_) | Law::EffortScale | Law::EffortLag | Law::EffortDelay | Law::PositionOffset)
 }
 
 /// Five harmonics of the fastest motion, median over joints and recordings to be fitted.
@@ -91,7 +102,7 @@ fn raw(robot: &Robot, r: &Recording) -> Result<Raw, InputError> {
         return Err(too_short);
     }
     let grid = Grid::over(&r.time).filter(|g| g.n >= MIN_SAMPLES).ok_or(too_short)?;
-    let mut out = Raw { valid: vec![true; grid.n], grid, q: Vec::new(), tau: Vec::new() };
+    let mut out = Raw { valid: vec![true; grid.n], grid, q: Vec::new(), tau: Vec::new(), warmth: Vec::new() };
     for &j in &model.actuators {
         let name = &model.joints[j].name;
         let offset: f64 = robot.chain(j, |law| matches!(law, Law::PositionOffset)).sum();
@@ -102,6 +113,9 @@ fn raw(robot: &Robot, r: &Recording) -> Result<Raw, InputError> {
             }
             target.push(out.grid.resample(&r.time, signal));
         }
+        let temperature = r.signal(&format!("temp.{name}")).map(|t| out.grid.resample(&r.time, t)).unwrap_or_default();
+        let first = temperature.first().copied().unwrap_or(0.0);
+        out.warmth.push(temperature.iter().map(|t| t - first).collect());
         if let Some(q) = out.q.last_mut() {
             q.iter_mut().for_each(|q| *q += offset);
         }
@@ -127,6 +141,7 @@ fn segment(raw: Raw, r: &Recording, used: Use, band: f64) -> Segment {
         v,
         a,
         tau: raw.tau,
+        warmth: raw.warmth,
         valid: raw.valid,
         gravity: r.meta.gravity,
         load: r.meta.load.clone(),

@@ -191,8 +191,9 @@ impl Columns {
             let j = e.place;
             let at_drive = model.actuators.iter().position(|&a| a == j);
             let load = at_drive.map_or(0.0, |k| load[k]);
-            let viscous = model.joints[j].viscous;
-            let state = JointState { q: data.q[j], v: data.v[j], a: data.a[j], sign: direction[j], load, viscous, ..JointState::default() };
+            let (viscous, coulomb) = (model.joints[j].viscous, model.joints[j].coulomb);
+            let [q, v, a] = [data.q[j], data.v[j], data.a[j]];
+            let state = JointState { q, v, a, sign: direction[j], load, viscous, coulomb, ..JointState::default() };
             let effort = law(&e.values, &state);
             for (k, out) in out.iter_mut().enumerate() {
                 *out += data.reduction[(j, k)] * effort;

@@ -8,7 +8,7 @@
 //! have effort and columns of a drive set to zero at such samples, before the filter: nothing of a stick leaks into its neighbours. Rows
 //! to judge on keep standstill.
 
-use pkm_dyn::effects::Robot;
+use pkm_dyn::effects::{Law, Robot};
 
 use crate::Recording;
 use crate::columns::Columns;
@@ -118,12 +118,27 @@ pub struct Observation<'r> {
     options: RowOptions,
 }
 
+/// The first effect that the regression of efforts cannot have in it. Damping that follows temperature is a law of a joint's effort, but
+/// no recording says here how warm the joint was.
+fn left_aside(robot: &Robot) -> Option<String> {
+    let is_known = |law: &Law| {
+        law.is_in_the_model()
+            || matches!(law, Law::JointEffort(_) | Law::EffortScale | Law::EffortLag | Law::EffortDelay | Law::PositionOffset)
+    };
+    let thermal = robot.effects.iter().find(|e| e.entry.name == "friction_thermal");
+    let line = thermal.map(|e| format!("effect {} at {:?}", e.entry.name, e.place_name(&robot.model)));
+    robot.left_aside(is_known).or(line)
+}
+
 impl<'r> Observation<'r> {
     /// Checks recordings against the robot and chooses the band.
     ///
     /// # Errors
     /// Recordings that do not fit the robot.
     pub fn try_new(robot: &'r Robot, recordings: &[(&Recording, Use)], options: RowOptions) -> Result<Self, InputError> {
+        if let Some(effect) = left_aside(robot) {
+            return Err(InputError::Effect { effect, robot: robot.model.name.clone() });
+        }
         let (motions, band) = motions(robot, recordings, options.band_hz)?;
         for m in &motions {
             let _checked = model_for(&robot.model, m)?;

@@ -101,7 +101,7 @@ fn conceal(args: &Args, nominal: &Description) -> anyhow::Result<Vec<Applied>> {
         return Ok(Vec::new());
     }
     let file = args.robot.display();
-    pkm_sim::draw(args.seed, nominal, effect).with_context(|| file.to_string())
+    pkm_sim::draw(args.seed, nominal, effect, &pkm_diagnose::looked_for()).with_context(|| file.to_string())
 }
 
 /// The folder asked for, or the first of pkm-demo, pkm-demo-2, … that is not there yet.

@@ -52,6 +52,7 @@ fn energy(energy: Energy) -> &'static str {
     match energy {
         Energy::Stores => "stores it and gives it back",
         Energy::Dissipates => "turns it into heat",
+        Energy::Passive => "stores some and turns the rest into heat",
         Energy::Feeds => "brings it in from outside",
         Energy::Neither => "neither stores nor uses any",
     }
@@ -61,11 +62,14 @@ fn listing(entries: &[&Entry]) -> String {
     let mut out = Vec::new();
     for e in entries {
         let parameters: Vec<String> = e.parameters.iter().map(|p| format!("{} [{}]", p.name, unit(p))).collect();
-        out.push(format!("{}: {}", e.name, e.sentence));
+        let mark = if is_looked_for(e) { "* " } else { "" };
+        out.push(format!("{mark}{}: {}", e.name, e.sentence));
         out.push(format!("    {}", e.equation));
         out.push(format!("    {}", parameters.join(", ")));
     }
+    let sought = entries.iter().filter(|e| is_looked_for(e)).count();
     out.push(format!("\n{} effects; `pkm effects NAME` shows one in full. s is the direction of motion, −1 to 1.", entries.len()));
+    out.push(format!("* {sought} of them are looked for by `pkm diagnose`; the others can be simulated and stated in a robot's file."));
     out.join("\n")
 }
 
@@ -73,6 +77,7 @@ fn in_full(e: &Entry) -> String {
     let mut out = vec![format!("{}: {}", e.name, e.sentence), String::new(), format!("  {}", e.equation), String::new()];
     out.push(format!("Sits at:      {}", e.place.words()));
     out.push(format!("Energy:       {}", energy(e.energy)));
+    out.push(format!("Looked for:   {}", if is_looked_for(e) { "by `pkm diagnose`" } else { "no: simulated only" }));
     out.push(format!("Compensation: {}", e.compensation));
     out.push("Parameters:".to_string());
     let rows: Vec<Vec<String>> = e.parameters.iter().map(|p| vec![p.name.to_string(), unit(p), range(p)]).collect();
@@ -86,8 +91,19 @@ fn in_full(e: &Entry) -> String {
     out.join("\n")
 }
 
+/// Whether a diagnosis can find it.
+fn is_looked_for(e: &Entry) -> bool {
+    pkm_diagnose::looked_for().contains(&e.name)
+}
+
 fn range(p: &Parameter) -> String {
-    let lower = if p.lower.is_finite() { format!(">= {}", out::number(p.lower)) } else { "any sign".to_string() };
+    let upper = p.unit.upper();
+    let lower = match (p.lower.is_finite(), upper.is_finite()) {
+        (true, true) => format!("{} to {}", out::number(p.lower), out::number(upper)),
+        (true, false) => format!(">= {}", out::number(p.lower)),
+        (false, true) => format!("<= {}", out::number(upper)),
+        (false, false) => "any sign".to_string(),
+    };
     match p.default {
         Some(value) => format!("{lower}, {} unless stated", out::number(value)),
         None => format!("{lower}, required"),
@@ -101,6 +117,7 @@ fn as_json(e: &Entry) -> Value {
             "unit": p.unit.text(JointKind::Prismatic),
             "unit_revolute": p.unit.text(JointKind::Revolute),
             "lower": p.lower.is_finite().then_some(p.lower),
+            "upper": p.unit.upper().is_finite().then_some(p.unit.upper()),
             "default": p.default,
         })
     };
@@ -112,6 +129,7 @@ fn as_json(e: &Entry) -> Value {
         "parameters": e.parameters.iter().map(parameter).collect::<Vec<_>>(),
         "where": e.place.words(),
         "energy": energy(e.energy),
+        "looked_for": is_looked_for(e),
         "compensation": e.compensation,
         "look_alikes": e.look_alikes.iter().map(look_alike).collect::<Vec<_>>(),
     })

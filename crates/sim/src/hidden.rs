@@ -1,6 +1,6 @@
 //! Physics to be concealed in a robot: one effect of the catalogue, drawn by seed, clearly visible but of realistic size.
 
-use pkm_dyn::effects::{Applied, CATALOGUE, EffectError, Entry, Law, Parameter, PlaceKind, Robot, Site, Unit, find};
+use pkm_dyn::effects::{Applied, EffectError, Entry, Law, Parameter, PlaceKind, Robot, Site, Unit, find};
 use pkm_dyn::model::{JointKind, Model};
 use pkm_dyn::urdf::Description;
 
@@ -19,21 +19,28 @@ const TOO_WELL_HIDDEN: f64 = 0.02;
 /// Draws of an unnamed effect before the last one is taken as it is.
 const DRAWS: usize = 20;
 
-/// Draws one effect of the catalogue, or the named one, with a place and a size that suit the robot.
+/// Draws one effect of those named in `among`, or `effect`, with a place and a size that suit the robot.
+///
+/// `among` are usually the effects that a diagnosis looks for; with `effect` stated it is not used.
 ///
 /// # Errors
 /// An unknown effect, or one that the robot has no place for; a robot on which no motion is possible.
-pub fn draw(seed: u64, description: &Description, effect: Option<&str>) -> Result<Vec<Applied>, SimError> {
+pub fn draw(seed: u64, description: &Description, effect: Option<&str>, among: &[&str]) -> Result<Vec<Applied>, SimError> {
     let robot = &description.robot;
     let has_passive = !robot.model.passive().is_empty();
-    let named = effect.map(|name| find(name).ok_or_else(|| EffectError::Unknown { name: name.to_string() })).transpose()?;
+    let known = |name: &str| find(name).ok_or_else(|| EffectError::Unknown { name: name.to_string() });
+    let named = effect.map(known).transpose()?;
     if let Some(entry) = named
         && entry.place == PlaceKind::PassiveJoint
         && !has_passive
     {
         return Err(SimError::NoPlace { effect: entry.name, problem: "the robot has no passive joint" });
     }
-    let suitable: Vec<_> = CATALOGUE.iter().copied().filter(|e| has_passive || e.place != PlaceKind::PassiveJoint).collect();
+    let mut suitable = among.iter().map(|name| known(name)).collect::<Result<Vec<_>, _>>()?;
+    suitable.retain(|e| has_passive || e.place != PlaceKind::PassiveJoint);
+    if named.is_none() && suitable.is_empty() {
+        return Err(SimError::Scenario { what: "number of effects to draw among", value: 0.0, limit: "must be > 0" });
+    }
     let motion = NominalMotion::new(robot, seed)?;
     let mut random = Random::new(seed, Stream::Hidden);
     let mut draws = 1;
@@ -44,11 +51,14 @@ pub fn draw(seed: u64, description: &Description, effect: Option<&str>) -> Resul
         let applied = match entry.place {
             PlaceKind::Joint => dice.at_a_drive(),
             PlaceKind::PassiveJoint => dice.at_a_passive_joint(),
-            PlaceKind::Link => dice.on_a_link(),
+            PlaceKind::Link => match entry.law {
+                Law::Inertia(_) => dice.on_a_link(),
+                _ => dice.on_the_environment(),
+            },
             PlaceKind::RootLink => dice.at_the_mounting(),
-            PlaceKind::JointPair | PlaceKind::JointOrSensor | PlaceKind::LinkOrJoint | PlaceKind::LinkOrLoop => {
-                Err(SimError::NoPlace { effect: entry.name, problem: "a place and a size for it are not drawn: state them" })
-            }
+            PlaceKind::JointPair => dice.at_two_drives(),
+            PlaceKind::LinkOrLoop => dice.at_a_length(),
+            PlaceKind::JointOrSensor | PlaceKind::LinkOrJoint => dice.on_a_drive_over_time(),
         }?;
         if named.is_some() || draws == DRAWS || dice.change_of(&applied)? >= TOO_WELL_HIDDEN {
             return Ok(vec![applied]);
@@ -61,7 +71,8 @@ pub fn draw(seed: u64, description: &Description, effect: Option<&str>) -> Resul
 #[must_use]
 pub fn describe(effects: &[Applied], model: &Model) -> String {
     let one = |e: &Applied| {
-        let kind = if e.site == Site::Joint { model.joints[e.place].kind } else { JointKind::Revolute };
+        // Links have metres and newtons where joints have theirs.
+        let kind = if e.site == Site::Joint { model.joints[e.place].kind } else { JointKind::Prismatic };
         // Zeros that need not be stated are left out.
         let stated = e.entry.parameters.iter().zip(&e.values).filter(|(p, v)| v.abs() > 0.0 || p.default.is_none());
         let unit = |p: &Parameter| if p.unit == Unit::One { String::new() } else { format!(" {}", p.unit.text(kind)) };
@@ -95,21 +106,27 @@ fn rounded(x: f64) -> String {
 }
 
 /// Everything a draw depends on.
-struct Dice<'d> {
-    robot: &'d Robot,
-    motion: &'d NominalMotion,
-    random: &'d mut Random,
-    share: f64,
-    entry: &'static Entry,
+pub(crate) struct Dice<'d> {
+    pub(crate) robot: &'d Robot,
+    pub(crate) motion: &'d NominalMotion,
+    pub(crate) random: &'d mut Random,
+    pub(crate) share: f64,
+    pub(crate) entry: &'static Entry,
 }
 
 impl Dice<'_> {
-    fn applied(&self, place: usize, values: Vec<f64>) -> Result<Applied, SimError> {
+    /// The entry at a place, as its place kind counts them.
+    pub(crate) fn applied(&self, place: usize, values: Vec<f64>) -> Result<Applied, SimError> {
+        let place = Applied::at(self.entry, place, Vec::new()).place_name(&self.robot.model).to_string();
+        self.applied_at(&place, &values)
+    }
+
+    /// The entry at a place by name; trailing parameters that are not given have their defaults.
+    pub(crate) fn applied_at(&self, place: &str, values: &[f64]) -> Result<Applied, SimError> {
         let names = self.entry.parameters.iter().map(|p| p.name.to_string());
         let stated: Vec<(String, f64)> = names.zip(values.iter().copied()).collect();
-        let place = Applied::at(self.entry, place, values).place_name(&self.robot.model).to_string();
         // Through the same door as a user's file, so that every bound is checked.
-        Ok(Applied::try_new(&self.robot.model, self.entry.name, &place, &stated)?)
+        Ok(Applied::try_new(&self.robot.model, self.entry.name, place, &stated)?)
     }
 
     fn at_a_drive(&mut self) -> Result<Applied, SimError> {
@@ -123,7 +140,11 @@ impl Dice<'_> {
             "torque_constant" => vec![1.0 + self.random.sign() * self.random.uniform(0.08, 0.16)],
             "time_delay" => vec![self.random.uniform(6e-3, 12e-3)],
             "actuator_lag" => vec![self.random.uniform(8e-3, 16e-3)],
-            _ => self.effort_values(k, j, size)?,
+            "friction_thermal" => return self.at_a_warming_drive(),
+            _ => match self.values_of_a_drive(k, j, size) {
+                Some(values) => values,
+                None => self.effort_values(k, j, size)?,
+            },
         };
         self.applied(j, values)
     }
@@ -187,7 +208,7 @@ impl Dice<'_> {
     }
 
     /// Lowest and highest position of drive `k` along the motion `[m | rad]`.
-    fn range(&self, k: usize) -> (f64, f64) {
+    pub(crate) fn range(&self, k: usize) -> (f64, f64) {
         let positions = self.motion.samples.iter().map(|s| s.q[k]);
         positions.fold((f64::MAX, f64::MIN), |(low, high), q| (low.min(q), high.max(q)))
     }
@@ -202,13 +223,14 @@ impl Dice<'_> {
     /// Change of effort by an effect; what does not act on the effort's size counts as visible.
     fn change_of(&self, applied: &Applied) -> Result<f64, SimError> {
         match applied.entry.law {
-            Law::EffortScale | Law::EffortLag | Law::EffortDelay => Ok(f64::INFINITY),
+            // Warmth needs time, which the motion has none of.
+            _ if applied.entry.name == "friction_thermal" => Ok(f64::INFINITY),
             Law::PositionOffset => {
                 let drive = self.robot.model.actuators.iter().position(|&j| j == applied.place);
                 drive.map_or(Ok(0.0), |k| self.change_by_offset(k, applied.values[0]))
             }
-            // The rest changes the effort of a rigid motion, or is not drawn without a name.
-            _ => self.change_by(applied.place, applied.values.clone()),
+            Law::JointEffort(_) | Law::Inertia(_) | Law::Gravity(_) | Law::Geometry(_) => self.change_of_effort(applied.clone()),
+            _ => Ok(f64::INFINITY),
         }
     }
 
@@ -269,7 +291,11 @@ impl Dice<'_> {
 
     /// Change of effort by the entry with those values, as [`NominalMotion::change`] has it; never zero.
     fn change_by(&self, place: usize, values: Vec<f64>) -> Result<f64, SimError> {
-        let effect = Applied::at(self.entry, place, values);
+        self.change_of_effort(Applied::at(self.entry, place, values))
+    }
+
+    /// Change of effort by `effect` along the nominal motion; never zero.
+    pub(crate) fn change_of_effort(&self, effect: Applied) -> Result<f64, SimError> {
         let mut changed = Robot::new(self.robot.model.clone(), vec![effect]);
         changed.effects.extend(self.robot.effects.iter().cloned());
         let offsets = vec![0.0; self.robot.model.n_act()];
@@ -284,7 +310,7 @@ fn scaled(model: &Model, link: usize, factor: f64) -> Vec<f64> {
 }
 
 /// The link with mass that is farthest from the root: platform or flange.
-fn last_link(model: &Model) -> Option<usize> {
+pub(crate) fn last_link(model: &Model) -> Option<usize> {
     let depth = |link: usize| {
         let (mut at, mut depth) = (model.links[link].body, 0_usize);
         while let Some(body) = at {

@@ -10,6 +10,7 @@
 pub mod actuators;
 pub mod error;
 pub mod hidden;
+pub mod laws;
 mod nominal_motion;
 pub mod plant;
 pub mod playback;
@@ -18,6 +19,7 @@ pub mod reference;
 pub mod scenario;
 pub mod sensors;
 pub mod shaped;
+mod sizes;
 mod stick_slip;
 pub mod trajectory;
 

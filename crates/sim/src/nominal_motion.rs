@@ -100,4 +100,46 @@ impl NominalMotion {
             })
             .fold(0.0, f64::max)
     }
+
+    /// Where the origin of a link goes along the motion.
+    pub(crate) fn path(&self, robot: &Robot, link: usize) -> Result<Path, SimError> {
+        let model = &robot.model;
+        let mut data = Data::new(model);
+        let start = self.samples.first().map(|s| s.q.clone()).unwrap_or_default();
+        for closure in [assemble(model, &mut data), walk_to(model, &mut data, &start)] {
+            check(&closure, 0.0)?;
+        }
+        let mut points = Vec::new();
+        for s in &self.samples {
+            check(&inverse_dynamics(model, &mut data, &s.q, &s.v, &s.a), 0.0)?;
+            let l = &model.links[link];
+            let point = l.body.map_or(l.pose.translation, |b| data.pose_wb[b].transform_point(&l.pose.translation));
+            points.push(point.into());
+        }
+        Ok(Path { points })
+    }
+}
+
+/// Points along one period, in the root frame `[m]`.
+#[derive(Debug, Clone)]
+pub(crate) struct Path {
+    points: Vec<[f64; 3]>,
+}
+
+impl Path {
+    fn distances(&self, of: impl Fn(usize) -> [[f64; 3]; 2]) -> f64 {
+        let square = |[a, b]: [[f64; 3]; 2]| (0..3).map(|i| (a[i] - b[i]) * (a[i] - b[i])).sum::<f64>();
+        rms((0..self.points.len()).map(|i| math::sqrt(square(of(i)))))
+    }
+
+    /// Root mean square of the distance from the first point `[m]`.
+    pub(crate) fn displacement(&self) -> f64 {
+        self.distances(|i| [self.points[i], self.points[0]])
+    }
+
+    /// Root mean square of the speed when the period takes `period_s` `[m/s]`.
+    pub(crate) fn speed(&self, period_s: f64) -> f64 {
+        let n = self.points.len();
+        self.distances(|i| [self.points[i], self.points[(i + 1) % n]]) * n as f64 / period_s
+    }
 }

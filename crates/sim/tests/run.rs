@@ -1,7 +1,7 @@
 //! Whole runs: repeatable to the bit, faithful to the mechanics, and changed by every effect of the catalogue.
 
 use pkm_dyn::Data;
-use pkm_dyn::effects::{Applied, CATALOGUE, JointState, Robot};
+use pkm_dyn::effects::{Applied, CATALOGUE, Entry, JointState, Law, Robot};
 use pkm_dyn::inverse_dynamics::inverse_dynamics;
 use pkm_dyn::loops::{assemble, walk_to};
 use pkm_dyn::math::sign;
@@ -130,7 +130,7 @@ fn every_robot_follows_its_reference() {
 /// The recorded effort with the effect hidden differs from the healthy one of the same seed, and the robot still follows.
 fn assert_visible(description: &Description, effect: &str, seed: u64, least: f64) {
     let nominal = &description.robot;
-    let hidden = draw(seed, description, Some(effect)).expect("the robot has a place for it");
+    let hidden = draw(seed, description, Some(effect), &[]).expect("the robot has a place for it");
     let text = describe(&hidden, &nominal.model);
     assert!(text.starts_with(effect), "{text}");
     let truth = Robot::new(nominal.model.clone(), hidden);
@@ -150,10 +150,18 @@ fn assert_visible(description: &Description, effect: &str, seed: u64, least: f64
     assert!(largest > least, "{text}: changes efforts by {largest:e} only");
 }
 
+/// Effects that the reduced plant, the drive's chain and the sensors know.
+fn simulated() -> impl Iterator<Item = &'static Entry> {
+    CATALOGUE.iter().copied().filter(|e| {
+        let is_known = matches!(e.law, Law::JointEffort(_) | Law::EffortScale | Law::EffortLag | Law::EffortDelay | Law::PositionOffset);
+        is_known || e.law.is_in_the_model()
+    })
+}
+
 #[test]
-fn every_effect_of_the_catalogue_changes_the_recorded_effort() {
+fn every_simulated_effect_of_the_catalogue_changes_the_recorded_effort() {
     let description = description("prs3");
-    for entry in CATALOGUE {
+    for entry in simulated() {
         // Delays shift the effort in time: at these motions below 1 Hz that is a small change, however clear its signature.
         let least = if matches!(entry.name, "time_delay" | "actuator_lag") { 1e-4 } else { 5e-4 };
         for seed in 1..=2 {
@@ -163,17 +171,61 @@ fn every_effect_of_the_catalogue_changes_the_recorded_effort() {
 }
 
 #[test]
+fn every_effect_has_a_place_and_a_size_on_some_robot() {
+    let description = description("prs3");
+    let model = &description.robot.model;
+    for entry in CATALOGUE {
+        for seed in 1..=3 {
+            let hidden = match draw(seed, &description, Some(entry.name), &[]) {
+                Ok(hidden) => hidden,
+                Err(SimError::NoPlace { effect: "friction_thermal", .. }) => continue,
+                Err(other) => panic!("{}: {other}", entry.name),
+            };
+            assert_eq!(hidden[0].entry.name, entry.name);
+            assert!(hidden[0].values.iter().any(|v| v.abs() > 0.0), "{}", describe(&hidden, model));
+            let again = draw(seed, &description, Some(entry.name), &[]).expect("as before");
+            assert_eq!(describe(&hidden, model), describe(&again, model), "the same seed draws the same");
+        }
+    }
+}
+
+#[test]
+fn a_drawn_clip_takes_the_top_fifth_and_a_contact_the_last_fifth_of_the_travel() {
+    let description = description("serial_arm");
+    let nominal = &description.robot;
+    let quiet = Scenario { encoder_resolution: 0.0, encoder_noise: 0.0, effort_noise: 0.0, duration_s: 5.0, ..Scenario::default() };
+    for seed in 1..=2 {
+        let recording = simulate(nominal, nominal, &Scenario { seed, ..quiet });
+        let of = |effect: &str| draw(seed, &description, Some(effect), &[]).expect("it has a place")[0].clone();
+        let range = |kind: &str, j: usize| {
+            let signal = column(&recording, kind, &nominal.model.joints[j].name);
+            signal.iter().fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(*x), high.max(*x)))
+        };
+        let clip = of("saturation");
+        let (low, high) = range("tau", clip.place);
+        assert!((clip.values[0] / low.abs().max(high) - 0.8).abs() < 0.05, "{clip:?} of {low} to {high}");
+        let contact = of("contact");
+        let (low, high) = range("q_ref", contact.place);
+        let depth = if contact.values[3] > 0.0 { high - contact.values[1] } else { contact.values[1] - low };
+        assert!(depth > 0.08 * (high - low) && depth < 0.22 * (high - low), "{contact:?} in {low} to {high}");
+    }
+}
+
+#[test]
 fn a_drawn_effect_suits_its_robot() {
     for shipped in runnable() {
         let description = description(shipped.name);
         for seed in 10..14 {
-            let hidden = draw(seed, &description, None).unwrap();
+            let among: Vec<&str> = simulated().map(|e| e.name).filter(|name| *name != "friction_thermal").collect();
+            let hidden = draw(seed, &description, None, &among).unwrap();
             assert_visible(&description, hidden[0].entry.name, seed, 1e-4);
         }
     }
     let arm = description("serial_arm");
-    assert!(matches!(draw(1, &arm, Some("friction_passive")), Err(SimError::NoPlace { .. })));
-    assert!(matches!(draw(1, &arm, Some("no_such_effect")), Err(SimError::Effect(_))));
+    assert!(matches!(draw(1, &arm, Some("friction_passive"), &[]), Err(SimError::NoPlace { .. })));
+    assert!(matches!(draw(1, &arm, Some("no_such_effect"), &[]), Err(SimError::Effect(_))));
+    assert!(matches!(draw(1, &arm, None, &["no_such_effect"]), Err(SimError::Effect(_))));
+    assert!(matches!(draw(1, &arm, None, &[]), Err(SimError::Scenario { .. })));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 
-use super::{Entry, JointState, Law, PlaceKind, Site};
+use super::{Entry, JointState, Law, Parameter, PlaceKind, Site};
 use crate::model::Model;
 
 /// An effect of the catalogue at a place, with its parameters.
@@ -62,26 +62,24 @@ impl Applied {
     /// Looks everything up by name and checks every number. A pair of joints is named `first,second`.
     ///
     /// # Errors
-    /// Unknown effect, place or parameter; a required parameter missing; a number not finite or below its physical limit.
+    /// Unknown effect, place or parameter; a required parameter missing; a number not finite or outside its physical limits; numbers that
+    /// contradict each other.
     pub fn try_new(model: &Model, effect: &str, place: &str, parameters: &[(String, f64)]) -> Result<Self, EffectError> {
         let entry = super::find(effect).ok_or_else(|| EffectError::Unknown { name: effect.to_string() })?;
         let (site, place, other) = find_place(model, entry, place)?;
-        let bad =
-            |parameter: &str, problem: String| EffectError::Parameter { effect: entry.name, parameter: parameter.to_string(), problem };
         let mut values = Vec::new();
         for p in entry.parameters {
             let value = parameters.iter().find(|(name, _)| name == p.name).map(|(_, v)| *v);
-            if let Some(v) = value
-                && !(v.is_finite() && v >= p.lower)
-            {
-                return Err(bad(p.name, alloc::format!("= {v} (must be finite and >= {})", p.lower)));
+            if let Some(v) = value {
+                check_number(entry, p, v)?;
             }
-            values.push(value.or(p.default).ok_or_else(|| bad(p.name, "is missing".to_string()))?);
+            values.push(value.or_else(|| default(p, site, entry)).ok_or_else(|| bad(entry, p.name, "is missing".to_string()))?);
         }
         if let Some((name, _)) = parameters.iter().find(|(name, _)| !entry.parameters.iter().any(|p| p.name == name)) {
             let known: Vec<&str> = entry.parameters.iter().map(|p| p.name).collect();
-            return Err(bad(name, alloc::format!("is unknown (has: {})", known.join(", "))));
+            return Err(bad(entry, name, alloc::format!("is unknown (has: {})", known.join(", "))));
         }
+        check_together(entry, site, &values)?;
         Ok(Self { entry, place, site, other, values })
     }
 
@@ -111,6 +109,60 @@ impl Applied {
     }
 }
 
+fn bad(entry: &Entry, parameter: &str, problem: String) -> EffectError {
+    EffectError::Parameter { effect: entry.name, parameter: parameter.to_string(), problem }
+}
+
+fn check_number(entry: &Entry, p: &Parameter, v: f64) -> Result<(), EffectError> {
+    let upper = p.unit.upper();
+    if v.is_finite() && v >= p.lower && v <= upper {
+        return Ok(());
+    }
+    let limit = match (p.lower.is_finite(), upper.is_finite()) {
+        (true, true) => alloc::format!(" and {} to {upper}", p.lower),
+        (true, false) => alloc::format!(" and >= {}", p.lower),
+        (false, true) => alloc::format!(" and <= {upper}"),
+        (false, false) => String::new(),
+    };
+    Err(bad(entry, p.name, alloc::format!("= {v} (must be finite{limit})")))
+}
+
+/// Components that a joint has no meaning for, and what they are there: its one direction is its coordinate's.
+const AT_A_JOINT: [(&str, f64); 8] =
+    [("nx", 1.0), ("ny", 0.0), ("nz", 0.0), ("fy", 0.0), ("fz", 0.0), ("mx", 0.0), ("my", 0.0), ("mz", 0.0)];
+
+fn component_at_a_joint(name: &str, site: Site, entry: &Entry) -> Option<f64> {
+    let is_either = site == Site::Joint && entry.place == PlaceKind::LinkOrJoint;
+    AT_A_JOINT.iter().find(|(n, _)| is_either && *n == name).map(|(_, x)| *x)
+}
+
+fn default(p: &Parameter, site: Site, entry: &Entry) -> Option<f64> {
+    component_at_a_joint(p.name, site, entry).or(p.default)
+}
+
+/// What no single number shows: components at a joint, a direction that is none, an end before the start.
+fn check_together(entry: &Entry, site: Site, values: &[f64]) -> Result<(), EffectError> {
+    let value = |name: &str| entry.parameters.iter().position(|p| p.name == name).map(|i| values[i]);
+    for (p, v) in entry.parameters.iter().zip(values) {
+        if let Some(only) = component_at_a_joint(p.name, site, entry)
+            && (v - only).abs() > 0.0
+        {
+            return Err(bad(entry, p.name, alloc::format!("= {v} (at a joint it can only be {only}: the direction is the coordinate's)")));
+        }
+    }
+    if let [Some(x), Some(y), Some(z)] = ["nx", "ny", "nz"].map(value)
+        && x.abs() + y.abs() + z.abs() <= 0.0
+    {
+        return Err(bad(entry, "nz", "= 0 with nx and ny 0: that is no direction".to_string()));
+    }
+    if let (Some(start), Some(end)) = (value("start"), value("end"))
+        && end <= start
+    {
+        return Err(bad(entry, "end", alloc::format!("= {end} s (must be after the start, {start} s)")));
+    }
+    Ok(())
+}
+
 fn find_place(model: &Model, entry: &'static Entry, place: &str) -> Result<(Site, usize, Option<usize>), EffectError> {
     let joint = || model.joint_index(place).map(|j| (Site::Joint, j, None));
     let link = || model.link_index(place).map(|l| (Site::Link, l, None));
@@ -118,21 +170,34 @@ fn find_place(model: &Model, entry: &'static Entry, place: &str) -> Result<(Site
         let (first, second) = place.split_once(',')?;
         let [first, second] = [first, second].map(|name| model.joint_index(name.trim()));
         let (first, second) = (first?, second?);
-        (first != second).then_some((Site::Joint, first, Some(second)))
+        // The sum of a length and an angle means nothing.
+        let can_be_added = first != second && model.joints[first].kind == model.joints[second].kind;
+        can_be_added.then_some((Site::Joint, first, Some(second)))
     };
+    // A passive joint has neither command nor reading.
+    let driven = || joint().filter(|(_, j, _)| model.actuators.contains(j));
+    // What hangs on a link that is fixed to another has the other's frame in the model: shifting it alone would tear it off.
+    let carried = || link().filter(|&(_, l, _)| is_carried(model, l));
     let a_loop = || model.loops.iter().position(|l| l.name == place).map(|l| (Site::Loop, l, None));
     let sensor = || model.sensors.iter().position(|s| s.name == place).map(|s| (Site::Sensor, s, None));
     let (found, wanted) = match entry.place {
+        PlaceKind::Joint if entry.law.is_of_a_drive() => (driven(), "a driven joint"),
         PlaceKind::Joint => (joint(), "a joint"),
         PlaceKind::PassiveJoint => (joint().filter(|(_, j, _)| !model.actuators.contains(j)), "a passive joint"),
-        PlaceKind::JointPair => (pair(), "a pair FIRST,SECOND of joints"),
-        PlaceKind::JointOrSensor => (joint().or_else(sensor), "a joint or sensor"),
+        PlaceKind::JointPair => (pair(), "a pair FIRST,SECOND of joints of one kind"),
+        PlaceKind::JointOrSensor => (driven().or_else(sensor), "a driven joint or sensor"),
         PlaceKind::Link => (link(), "a link"),
         PlaceKind::LinkOrJoint => (link().or_else(joint), "a link or joint"),
-        PlaceKind::LinkOrLoop => (link().or_else(a_loop), "a link or loop"),
+        PlaceKind::LinkOrLoop => (carried().or_else(a_loop), "a link that a joint moves, or a loop,"),
         PlaceKind::RootLink => (link().filter(|&(_, l, _)| model.links[l].body.is_none()), "the root link"),
     };
     found.ok_or_else(|| EffectError::Place { effect: entry.name, place: place.to_string(), wanted })
+}
+
+/// Whether a joint carries the link: it is then the first of its body's.
+fn is_carried(model: &Model, link: usize) -> bool {
+    let body = model.links[link].body;
+    body.is_some() && model.links.iter().position(|l| l.body == body) == Some(link)
 }
 
 /// A model with physics beyond rigid bodies. Effects on mass properties, geometry and gravity are already in the model.
@@ -159,9 +224,12 @@ impl Robot {
     }
 
     /// Effort at joint `j` beyond rigid bodies and rotor inertia: nominal friction and every joint effect `[N | N·m]`.
+    ///
+    /// Laws see the joint's nominal friction, whatever `state` says of it. Kinds of law other than [`Law::JointEffort`] are not in it.
     #[must_use]
     pub fn joint_effort(&self, j: usize, state: &JointState) -> f64 {
         let joint = &self.model.joints[j];
+        let state = &JointState { viscous: joint.viscous, coulomb: joint.coulomb, ..*state };
         let mut sum = joint.viscous * state.v + joint.coulomb * state.sign;
         for e in &self.effects {
             if let Law::JointEffort(law) = e.entry.law
@@ -171,6 +239,13 @@ impl Robot {
             }
         }
         sum
+    }
+
+    /// One line for the first effect whose kind of law is not `known`: what a program says that cannot take it into account.
+    #[must_use]
+    pub fn left_aside(&self, known: impl Fn(&Law) -> bool) -> Option<String> {
+        let effect = self.effects.iter().find(|e| !known(&e.entry.law))?;
+        Some(alloc::format!("effect {} at {:?}", effect.entry.name, effect.place_names(&self.model).join(",")))
     }
 
     /// Parameter 0 of every effect at joint `j` whose law is chosen by `is`, in file order.

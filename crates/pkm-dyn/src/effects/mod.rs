@@ -4,24 +4,44 @@
 //! holds the law, its parameters, a plain sentence, what it is easily confused with and the experiment that tells them apart. The
 //! columns with which the law is looked for in recordings are in `pkm-diagnose`, one file per effect as well.
 
+mod active_limb;
 mod actuator_lag;
 mod applied;
+mod backlash;
+mod cable_force;
+mod contact;
+mod controller_mismatch;
+mod dead_zone;
+mod directional_efficiency;
+mod encoder_eccentricity;
 mod encoder_offset;
+mod external_force;
 mod friction_asymmetric;
 mod friction_coulomb;
 mod friction_load;
 mod friction_passive;
+mod friction_position;
+mod friction_presliding;
+mod friction_quadratic;
 mod friction_stribeck;
+mod friction_thermal;
 mod friction_viscous;
+mod geometry_error;
 mod gravity_tilt;
 mod inertia_error;
+mod joint_elasticity;
+mod limb_impedance;
 mod payload;
 mod rotor_inertia;
+mod saturation;
+mod sensor_drift;
 mod spring;
+mod structure_flexibility;
 mod time_delay;
 mod torque_constant;
 mod torque_offset;
 mod torque_ripple;
+mod transmission_coupling;
 
 pub use applied::{Applied, EffectError, Robot};
 
@@ -36,6 +56,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &friction_asymmetric::ENTRY,
     &friction_load::ENTRY,
     &friction_passive::ENTRY,
+    &friction_quadratic::ENTRY,
     &payload::ENTRY,
     &inertia_error::ENTRY,
     &torque_constant::ENTRY,
@@ -46,6 +67,25 @@ pub const CATALOGUE: &[&Entry] = &[
     &torque_ripple::ENTRY,
     &time_delay::ENTRY,
     &actuator_lag::ENTRY,
+    &friction_position::ENTRY,
+    &friction_thermal::ENTRY,
+    &directional_efficiency::ENTRY,
+    &friction_presliding::ENTRY,
+    &backlash::ENTRY,
+    &joint_elasticity::ENTRY,
+    &cable_force::ENTRY,
+    &transmission_coupling::ENTRY,
+    &saturation::ENTRY,
+    &dead_zone::ENTRY,
+    &encoder_eccentricity::ENTRY,
+    &geometry_error::ENTRY,
+    &structure_flexibility::ENTRY,
+    &limb_impedance::ENTRY,
+    &contact::ENTRY,
+    &external_force::ENTRY,
+    &active_limb::ENTRY,
+    &sensor_drift::ENTRY,
+    &controller_mismatch::ENTRY,
 ];
 
 /// The catalogue entry of that name.
@@ -121,6 +161,8 @@ pub enum Energy {
     Stores,
     /// Turns it into heat; its power is never negative.
     Dissipates,
+    /// Stores some and turns the rest into heat: over any motion from rest it gives back at most what it took in.
+    Passive,
     /// Brings in energy from outside.
     Feeds,
     /// Is no force at all.
@@ -136,6 +178,20 @@ pub enum Unit {
     EffortPerVelocity,
     /// N/m or N·m/rad.
     EffortPerPosition,
+    /// N/m² or N·m/rad².
+    EffortPerPositionSquared,
+    /// N/m³ or N·m/rad³.
+    EffortPerPositionCubed,
+    /// N/m⁴ or N·m/rad⁴.
+    EffortPerPositionFourth,
+    /// Effort at unit speed, for a power of speed that another parameter states.
+    Drag,
+    /// N·m, whatever moves.
+    Moment,
+    /// N·m/rad, whatever moves.
+    MomentPerAngle,
+    /// N·m·s/rad, whatever moves.
+    MomentPerAngularVelocity,
     /// m/s or rad/s.
     Velocity,
     /// m or rad.
@@ -156,8 +212,14 @@ pub enum Unit {
     Rad,
     /// s.
     Second,
+    /// Per degree of warming or per second of running, whichever [`JointState::warmth`] counts.
+    PerWarmth,
+    /// The sensor's own unit per second.
+    ReadingPerSecond,
     /// A pure number.
     One,
+    /// A pure number that cannot exceed one.
+    Share,
 }
 
 impl Unit {
@@ -172,6 +234,17 @@ impl Unit {
             Self::EffortPerVelocity => "N·s/m",
             Self::EffortPerPosition if revolute => "N·m/rad",
             Self::EffortPerPosition => "N/m",
+            Self::EffortPerPositionSquared if revolute => "N·m/rad²",
+            Self::EffortPerPositionSquared => "N/m²",
+            Self::EffortPerPositionCubed if revolute => "N·m/rad³",
+            Self::EffortPerPositionCubed => "N/m³",
+            Self::EffortPerPositionFourth if revolute => "N·m/rad⁴",
+            Self::EffortPerPositionFourth => "N/m⁴",
+            Self::Drag if revolute => "N·m·(s/rad)^exponent",
+            Self::Drag => "N·(s/m)^exponent",
+            Self::Moment => "N·m",
+            Self::MomentPerAngle => "N·m/rad",
+            Self::MomentPerAngularVelocity => "N·m·s/rad",
             Self::Velocity if revolute => "rad/s",
             Self::Velocity => "m/s",
             Self::Position if revolute => "rad",
@@ -184,7 +257,19 @@ impl Unit {
             Self::InertiaRot => "kg·m²",
             Self::Rad => "rad",
             Self::Second => "s",
-            Self::One => "1",
+            Self::PerWarmth => "1/°C or 1/s",
+            Self::ReadingPerSecond if revolute => "rad/s, or the sensor's unit per second",
+            Self::ReadingPerSecond => "m/s, or the sensor's unit per second",
+            Self::One | Self::Share => "1",
+        }
+    }
+
+    /// Largest physical value of a parameter in this unit.
+    #[must_use]
+    pub const fn upper(self) -> f64 {
+        match self {
+            Self::Share => 1.0,
+            _ => f64::INFINITY,
         }
     }
 }
@@ -226,6 +311,8 @@ pub struct JointState {
     pub load: f64,
     /// Nominal viscous friction of the joint `[N·s/m | N·m·s/rad]`: what a change of friction is a share of.
     pub viscous: f64,
+    /// Nominal Coulomb friction of the joint `[N | N·m]`: what a reduction of friction cannot exceed.
+    pub coulomb: f64,
     /// How far the joint has warmed up: temperature above that of the first sample `[°C]` where one is recorded, otherwise time since then `[s]`.
     pub warmth: f64,
     /// Time since the motion began `[s]`.
@@ -265,6 +352,9 @@ pub enum Transmission {
 }
 
 /// How an effect enters the equations.
+///
+/// What acts on efforts or readings of a drive ([`Law::is_of_a_drive`]) sits at a driven joint; everything else wherever its place kind
+/// says. Which kinds a program takes into account is for it to say: it refuses or names the others.
 #[derive(Debug, Clone, Copy)]
 pub enum Law {
     /// An effort at a joint's coordinate.
@@ -278,7 +368,7 @@ pub enum Law {
     /// A link hangs on springs of stiffness parameter 0 `[N/m]` and damping parameter 1 in all three directions.
     Structure,
     /// A wrench of the robot on its environment at a link's origin, force first, in the root frame `[N, N·m]`; at a joint, the first
-    /// component is an effort at its coordinate and the state's first components are the joint's.
+    /// component is an effort at its coordinate and the state's first components are the joint's, all others zero.
     Wrench(fn(&[f64], &LinkState) -> [f64; 6]),
     /// A force of a person at a link's origin that no repetition brings back: parameter 0 is its rms `[N]`.
     Person,
@@ -306,6 +396,40 @@ pub enum Law {
     Drift,
     /// The recorded command is not the controller's: this share of it is missing.
     CommandShare,
+}
+
+impl Law {
+    /// Whether it changes the numbers of the model itself, so that everything computed from the model has it in.
+    #[must_use]
+    pub const fn is_in_the_model(&self) -> bool {
+        matches!(self, Self::Geometry(_) | Self::Inertia(_) | Self::Gravity(_))
+    }
+
+    /// Whether it acts between command, effort and reading of a drive, so that a joint without one has no place for it.
+    #[must_use]
+    pub const fn is_of_a_drive(&self) -> bool {
+        match self {
+            Self::Transmission(_)
+            | Self::EffortScale
+            | Self::EffortLag
+            | Self::EffortDelay
+            | Self::EffortLimit
+            | Self::EffortDeadZone
+            | Self::PositionOffset
+            | Self::PositionPeriodic
+            | Self::Drift
+            | Self::CommandShare => true,
+            Self::JointEffort(_)
+            | Self::PairEffort(_)
+            | Self::Memory(_)
+            | Self::Structure
+            | Self::Wrench(_)
+            | Self::Person
+            | Self::Geometry(_)
+            | Self::Inertia(_)
+            | Self::Gravity(_) => false,
+        }
+    }
 }
 
 /// One effect of the library.

@@ -1,7 +1,7 @@
 //! `--hide NAME@PLACE:PARAMETER=VALUE,...`: an effect of the catalogue, as robot files name it.
 
 use anyhow::{Context, bail, ensure};
-use pkm_dyn::effects::{Applied, Law};
+use pkm_dyn::effects::Applied;
 use pkm_dyn::model::Model;
 
 /// The effect that `text` states.
@@ -12,12 +12,7 @@ pub(super) fn parse(text: &str, model: &Model) -> anyhow::Result<Applied> {
     let place = || format!("--hide {text:?}");
     let (what, stated) = text.split_once(':').unwrap_or((text, ""));
     let (name, at) = what.split_once('@').with_context(|| format!("{}: no @ (NAME@PLACE:PARAMETER=VALUE,...)", place()))?;
-    let effect = Applied::try_new(model, name, at, &numbers(stated).with_context(place)?).with_context(place)?;
-    let law = effect.entry.law;
-    let is_at_drives = matches!(law, Law::EffortScale | Law::EffortLag | Law::EffortDelay | Law::PositionOffset);
-    // It would hide nothing: a passive joint has neither drive nor sensor.
-    ensure!(!is_at_drives || model.actuators.contains(&effect.place), "{}: {at:?} is not a driven joint", place());
-    Ok(effect)
+    Applied::try_new(model, name, at, &numbers(stated).with_context(place)?).with_context(place)
 }
 
 /// `name=number` pairs between commas.

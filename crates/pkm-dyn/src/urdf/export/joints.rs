@@ -50,10 +50,11 @@ pub(super) fn physics(robot: &Robot, j: usize) -> JointPhysics {
 pub(super) fn left_out(robot: &Robot, also: &[&str]) -> Vec<String> {
     let is_known = |e: &Applied| {
         let is_summed = ["friction_viscous", "friction_coulomb", "friction_passive", "rotor_inertia", "spring"].contains(&e.entry.name);
-        let is_in_the_model = matches!(e.entry.law, Law::Inertia(_) | Law::Gravity(_));
+        let is_in_the_model = e.entry.law.is_in_the_model();
         (is_summed || is_in_the_model) && !also.contains(&e.entry.name)
     };
-    let line =
-        |e: &Applied| format!("effect {} at {:?} is left out: the format has no place for it", e.entry.name, e.place_name(&robot.model));
+    let line = |e: &Applied| {
+        format!("effect {} at {:?} is left out: the format has no place for it", e.entry.name, e.place_names(&robot.model).join(","))
+    };
     robot.effects.iter().filter(|e| !is_known(e)).map(line).collect()
 }

@@ -13,6 +13,7 @@ use urdf_rs::JointType;
 use super::closure::{Kind, closing, gap, points};
 use super::joints::{left_out, physics};
 use super::{ExportError, Names, axes, home, printable};
+use crate::effects::{Law, Robot};
 use crate::math;
 use crate::model::{LoopClosure, Model};
 use crate::spatial::Pose;
@@ -43,6 +44,15 @@ pub struct Gepetto {
 /// # Errors
 /// Loops that forbid one rotation alone, loops that are open, couplings to several independent joints.
 pub fn gepetto(description: &Description) -> Result<Gepetto, ExportError> {
+    // Origins are the URDF's own: lengths that effects change are not in them, and must not be in the poses that go with them.
+    let notes = left_out(&description.robot, &["spring", "geometry_error"]);
+    let mut straight = description.clone();
+    let effects = description.robot.effects.iter().filter(|e| !matches!(e.entry.law, Law::Geometry(_)));
+    straight.robot = Robot::new(description.bare.clone(), effects.cloned().collect());
+    written(&straight, notes)
+}
+
+fn written(description: &Description, notes: Vec<String>) -> Result<Gepetto, ExportError> {
     let robot = &description.robot;
     let q = home(&robot.model)?;
     let mut model = robot.model.clone();
@@ -52,7 +62,7 @@ pub fn gepetto(description: &Description) -> Result<Gepetto, ExportError> {
     }
     let urdf = changed_urdf(description, &model);
     let taken = urdf.links.iter().map(|l| l.name.as_str()).chain(urdf.joints.iter().map(|j| j.name.as_str()));
-    let mut out = Writing { names: Names::new(taken), urdf, home: Vec::new(), pairs: Vec::new(), notes: left_out(robot, &["spring"]) };
+    let mut out = Writing { names: Names::new(taken), urdf, home: Vec::new(), pairs: Vec::new(), notes };
     let whole = (0..model.nv()).filter(|&j| model.joints[j].is_whole());
     out.home = whole.map(|j| (model.joints[j].name.clone(), format!("{:?}", q[j]))).collect();
     out.several(&model, &q);
