@@ -137,7 +137,7 @@ impl<B: Backend> Limiter<B> {
         let passed = self.sent_ns.map_or(0, |ns| command.stamp_ns.saturating_sub(ns)).min(LONGEST_PERIOD_NS);
         let dt = passed as f64 * 1e-9;
         let mut tau = [0.0; MAX_AXES];
-        for i in 0..self.inner.n_axes() {
+        for (i, tau) in tau.iter_mut().enumerate().take(self.inner.n_axes()) {
             let limits = &self.limits[i];
             let (low, high) = if limits.bounds_motion() {
                 let state = self.state.as_ref().ok_or(HalError::NoState)?;
@@ -151,7 +151,7 @@ impl<B: Backend> Limiter<B> {
             let most = if self.sent_ns.is_none() || limits.effort_rate.is_infinite() { f64::INFINITY } else { limits.effort_rate * dt };
             let rated = command.tau[i].clamp(self.sent[i] - most, self.sent[i] + most);
             // The window comes last: it protects the limb, the rate only the drive.
-            tau[i] = rated.clamp(low, high.max(low));
+            *tau = rated.clamp(low, high.max(low));
         }
         Ok(tau)
     }

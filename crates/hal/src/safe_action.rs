@@ -118,7 +118,9 @@ mod tests {
         action.kind = SafeKind::Damp;
         assert_eq!(first(&action, Some(&state), 1000), (Mode::Effort, 6.0));
         action.kind = SafeKind::Ramp;
-        assert_eq!([900, 1100, 1400, u64::MAX].map(|now| first(&action, None, now).1), [8.0, 6.0, 0.0, 0.0]);
+        for (now_ns, want) in [(900, 8.0), (1100, 6.0), (1400, 0.0), (u64::MAX, 0.0)] {
+            assert_eq!(first(&action, None, now_ns), (Mode::Effort, want));
+        }
         action.kind = SafeKind::Brake;
         assert_eq!(first(&action, Some(&state), 1000), (Mode::Brake, 0.0));
         action.kind = SafeKind::Off;

@@ -68,11 +68,12 @@ fn faults_of_frames_change_which_one_comes() {
 
 #[test]
 fn faults_of_drives_change_what_they_give() {
-    let efforts = |fault| shown::<6>(&during(fault)).map(|state| state.unwrap().tau[1]);
-    assert_eq!(efforts(Fault::DeadDrive { axis: 1 }), [6.0, 6.0, 6.0, 0.0, 0.0, 6.0]);
-    assert_eq!(efforts(Fault::WeakDrive { axis: 1, most: 2.5 }), [6.0, 6.0, 6.0, 2.5, 2.5, 6.0]);
-    assert_eq!(efforts(Fault::ReversedDrive { axis: 1 }), [6.0, 6.0, 6.0, -6.0, -6.0, 6.0]);
-    assert_eq!(efforts(Fault::DeadDrive { axis: 99 }), [6.0; 6]);
+    let efforts = |fault| shown::<6>(&during(fault)).map(|state| state.unwrap().tau[1].to_bits());
+    let bits = |efforts: [f64; 6]| efforts.map(f64::to_bits);
+    assert_eq!(efforts(Fault::DeadDrive { axis: 1 }), bits([6.0, 6.0, 6.0, 0.0, 0.0, 6.0]));
+    assert_eq!(efforts(Fault::WeakDrive { axis: 1, most: 2.5 }), bits([6.0, 6.0, 6.0, 2.5, 2.5, 6.0]));
+    assert_eq!(efforts(Fault::ReversedDrive { axis: 1 }), bits([6.0, 6.0, 6.0, -6.0, -6.0, 6.0]));
+    assert_eq!(efforts(Fault::DeadDrive { axis: 99 }), bits([6.0; 6]));
     let clock = ManualClock::new(0);
     let script = [Injection { from: 1, to: 2, fault: Fault::LostCommand }];
     let mut hal = FaultyHal::new(Loopback::new(1, &clock), &script);
