@@ -60,7 +60,7 @@ fn hardware(block: Block, options: &SimOptions) -> SimBackend<Block> {
         effort: ForceCell::new(options.effort, options.seed, 0),
         ..ideal()
     };
-    SimBackend::try_new(block, vec![drive], options).unwrap()
+    SimBackend::try_new(block, vec![drive], options).expect("it goes on")
 }
 
 fn effort(sequence: u64, tau: f64) -> CommandFrame {
@@ -73,8 +73,8 @@ fn effort(sequence: u64, tau: f64) -> CommandFrame {
 fn states(hal: &mut SimBackend<Block>, n: u64, tau: f64) -> Vec<StateFrame> {
     (1..=n)
         .map(|k| {
-            hal.write(&effort(k, tau)).unwrap();
-            hal.read().unwrap()
+            hal.write(&effort(k, tau)).expect("it goes on");
+            hal.read().expect("it goes on")
         })
         .collect()
 }
@@ -110,10 +110,10 @@ fn with_perfect_drives_and_sensors_it_is_the_plant_bit_by_bit() {
         let state = hal.read().unwrap();
         assert_eq!((state.stamp_ns, clock.now_ns(), state.sequence), (k * 1_000_000, k * 1_000_000, k + 1));
         let mut command = CommandFrame { sequence: k + 1, ..CommandFrame::new(2, Mode::Effort) };
-        for i in 0..2 {
+        for (i, start) in start.iter().enumerate() {
             assert_eq!(state.q[i].to_bits(), by_hand.position()[i].to_bits(), "period {k}, drive {i}");
             assert_eq!(state.v[i].to_bits(), by_hand.velocity()[i].to_bits());
-            command.tau[i] = 2.0 * (start[i] - state.q[i]) - 0.1 * state.v[i] + 0.05;
+            command.tau[i] = 2.0 * (start - state.q[i]) - 0.1 * state.v[i] + 0.05;
         }
         hal.write(&command.sealed()).unwrap();
         for part in 0..2 {
@@ -218,22 +218,22 @@ fn abandoned(kind: SafeKind) -> (f64, StateFrame) {
     (action.stiffness[0], action.damping[0]) = (2000.0, 120.0);
     let device = hardware(Block::new(2.0, 2.0 * 9.81, 0.0), &SimOptions::default());
     let clock = device.clock();
-    let mut hal = Watchdog::try_new(device, clock.clone(), WatchdogLimits::of_period(1_000_000), action).unwrap();
+    let mut hal = Watchdog::try_new(device, clock.clone(), WatchdogLimits::of_period(1_000_000), action).expect("it goes on");
     for k in 0..2100 {
         let before = clock.now_ns();
-        let state = hal.read().unwrap();
+        let state = hal.read().expect("it goes on");
         if k < 100 {
             let mode = if k == 0 { Mode::Arm } else { Mode::Effort };
             let mut command = CommandFrame { nonce: 77, sequence: k + 1, ..CommandFrame::new(1, mode) };
             (command.stamp_ns, command.valid_until_ns) = (before, before + 5_000_000);
             command.tau[0] = 2.0 * 9.81 + 200.0 * (0.0 - state.q[0]) - 40.0 * state.v[0];
-            hal.write(&command.sealed()).unwrap();
+            hal.write(&command.sealed()).expect("it goes on");
         }
         if clock.now_ns() == before {
-            hal.inner_mut().elapse().unwrap();
+            hal.inner_mut().elapse().expect("it goes on");
         }
     }
-    let state = hal.read().unwrap();
+    let state = hal.read().expect("it goes on");
     (hal.inner_mut().plant().position()[0], state)
 }
 

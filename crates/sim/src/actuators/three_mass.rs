@@ -134,9 +134,10 @@ pub struct ThreeMass {
     /// Velocities are carried over this, so that the matrix is well scaled `[1/s]`.
     scale: f64,
     rates: SMatrix<f64, N, N>,
-    /// Step that `map` is for, and the map.
+    /// Step that the maps are for, the map, and the one of a rod that stands.
     h: f64,
     map: SMatrix<f64, N, N>,
+    standing: SMatrix<f64, N, N>,
     state: SVector<f64, N>,
 }
 
@@ -150,28 +151,51 @@ impl ThreeMass {
         let (scale, rates) = rates(&parameters);
         let mut state = SVector::zeros();
         (state[X_M], state[X_R], state[LOAD]) = (load, load, load);
-        Ok(Self { parameters, scale, rates, h: 0.0, map: SMatrix::identity(), state })
+        let unit = SMatrix::identity();
+        Ok(Self { parameters, scale, rates, h: 0.0, map: unit, standing: unit, state })
     }
 
     /// Lets `h` `[s]` pass under a wanted force `[N]` while the load moves evenly from where it was to `load` `[m]`; returns the mean force
-    /// on the load meanwhile `[N]`. Exact but for friction, which is constant within a step and holds a rod that it stops.
+    /// on the load meanwhile `[N]`.
+    ///
+    /// Exact but for dry friction: a rod that comes to rest, or is torn loose, does so at the end of a step.
     pub fn advance(&mut self, force_cmd: f64, load: f64, h: f64) -> f64 {
         if (h - self.h).abs() > 0.0 {
-            (self.h, self.map) = (h, exponential(&(self.rates * h)));
+            self.tune(h);
         }
         let x = &mut self.state;
         (x[F_CMD], x[V_LOAD], x[AREA], x[RUB]) = (force_cmd, (load - x[LOAD]) / (h * self.scale), 0.0, 0.0);
-        let mut next = self.map * *x;
-        if self.parameters.rod_coulomb > 0.0 {
-            let column = self.map.column(RUB);
-            let stops = -next[V_R] / column[V_R];
-            let rub = stops.clamp(-self.parameters.rod_coulomb, self.parameters.rod_coulomb);
-            next += column * rub;
-            next[RUB] = rub;
+        self.state = if self.parameters.rod_coulomb > 0.0 { self.rubbed() } else { self.map * self.state };
+        self.state[LOAD] = load;
+        self.parameters.cell_stiffness * self.state[AREA] / h
+    }
+
+    fn tune(&mut self, h: f64) {
+        let mut locked = self.rates;
+        locked.row_mut(X_R).fill(0.0);
+        locked.row_mut(V_R).fill(0.0);
+        (self.h, self.map, self.standing) = (h, exponential(&(self.rates * h)), exponential(&(locked * h)));
+    }
+
+    /// The next state with dry friction on the rod.
+    fn rubbed(&self) -> SVector<f64, N> {
+        let level = self.parameters.rod_coulomb;
+        let mut direction = pkm_dyn::math::sign(self.state[V_R]);
+        if direction.abs() < 0.5 {
+            let stands = self.standing * self.state;
+            // What friction must take up for the rod to stand.
+            let needed = -self.rates.row(V_R).dot(&stands.transpose()) / self.rates[(V_R, RUB)];
+            if needed.abs() <= level {
+                return stands;
+            }
+            direction = pkm_dyn::math::sign(needed);
         }
-        next[LOAD] = load;
-        self.state = next;
-        self.parameters.cell_stiffness * next[AREA] / h
+        let slides = self.map * (self.state + SVector::ith(RUB, level * direction));
+        let mut next = slides;
+        if slides[V_R] * direction <= 0.0 {
+            next[V_R] = 0.0;
+        }
+        next
     }
 
     /// Position of the rod `[m]`.
@@ -324,14 +348,13 @@ mod tests {
         let mut drive = ThreeMass::try_new(rubbing, 0.0).unwrap();
         for _ in 0..500 {
             drive.advance(7.0, 0.0, 5e-4);
-            // The motor swings to twice its force at most. A rod that gave way would go 3.5 µm; what is left is motion within a step.
-            assert!(drive.rod_velocity().abs() < 1e-9 && drive.rod().abs() < 1e-8, "14 N move a rod that 15 N hold: {}", drive.rod());
+            // Against a rod that stands the motor swings to twice its force at most.
+            assert!(drive.rod_velocity().abs() <= 0.0 && drive.rod().abs() <= 0.0, "14 N do not move a rod that 15 N hold");
         }
-        let mut force = 0.0;
-        for _ in 0..20_000 {
-            force = drive.advance(60.0, 0.0, 5e-4);
-        }
-        assert!((force - 60.0).abs() < 15.0 + 1e-6 && (force - 60.0).abs() > 1.0, "{force} N are left of 60 N");
+        // A force that grows slowly pushes the rod along, against friction of its level.
+        let mut drive = ThreeMass::try_new(rubbing, 0.0).unwrap();
+        let force = (1..=20_000).map(|k| drive.advance(60.0 * f64::from(k) / 20_000.0, 0.0, 5e-4)).last().unwrap_or(0.0);
+        assert!((force - 45.0).abs() < 0.5, "{force} N are left of 60 N");
         let mut drive = ThreeMass::try_new(ThreeMassParameters::ANKLE, 0.0).unwrap();
         for _ in 0..100 {
             drive.advance(60.0, 0.0, 5e-4);

@@ -194,7 +194,8 @@ fn a_person_who_resists_takes_and_one_who_assists_gives() {
     let [mut resists, mut assists] = [Will::Resists, Will::Assists].map(|will| person(PatientConfig { will, variation: 0.8, ..config }, 3));
     let (mut given, mut taken) = (0.0, 0.0);
     for _ in 0..20_000 {
-        (resists.advance(1e-2), assists.advance(1e-2));
+        resists.advance(1e-2);
+        assists.advance(1e-2);
         let v = [random.uniform(-1.0, 1.0); 6];
         let power = |efforts: [f64; 6]| efforts[0] * v[0];
         let (take, give) = (power(resists.efforts(&v, &[0.0; 6])), power(assists.efforts(&v, &v)));
