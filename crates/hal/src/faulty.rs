@@ -40,7 +40,7 @@ pub enum Fault {
     Duplicate,
     /// The device is gone: neither states nor commands pass.
     Vanish,
-    /// A frame from so many reads ago (up to 7) comes in place of the new one.
+    /// A frame from so many reads ago (up to 7) comes in place of the new one: out of order for one read, a delay for many.
     Older {
         /// How many reads ago.
         by: usize,
