@@ -8,6 +8,12 @@ pub trait Clock {
     fn now_ns(&self) -> u64;
 }
 
+impl<C: Clock + ?Sized> Clock for &C {
+    fn now_ns(&self) -> u64 {
+        (**self).now_ns()
+    }
+}
+
 /// A clock that moves only when told to: for tests and for replay.
 #[derive(Debug, Default)]
 pub struct ManualClock {

@@ -1,4 +1,15 @@
 //! From the effort a controller asks for to the effort that acts: scale, transport delay, lag, saturation.
+//!
+//! [`ActuatorChain`] is what the effects of a robot make of a command. What a drive does beyond that has one file each: [`OutputStage`] (steps
+//! of a converter, dead zone), [`FirstOrderLag`] (a current loop) and [`ThreeMass`] (belt, screw and force cell are springs).
+
+mod first_order;
+mod output_stage;
+mod three_mass;
+
+pub use first_order::FirstOrderLag;
+pub use output_stage::OutputStage;
+pub use three_mass::{ThreeMass, ThreeMassParameters};
 
 use pkm_dyn::effects::{Law, Robot};
 use pkm_dyn::math;
@@ -45,6 +56,13 @@ impl ActuatorChain {
             commands: vec![0.0; periods(delay / period)],
             recording_delay: (-total).max(0.0),
         })
+    }
+
+    /// The chain of a perfect drive, for a control period `[s]`: what is commanded acts.
+    #[must_use]
+    pub fn ideal(period: f64) -> Self {
+        let (delay, limit) = (0.0, f64::INFINITY);
+        Self { scale: 1.0, delay, lags: Vec::new(), limit, period, commands: vec![0.0; periods(delay)], recording_delay: 0.0 }
     }
 
     /// How late the recorder sees the effort `[s]`.

@@ -5,12 +5,16 @@
 //! same inputs give the same bits on every machine: random numbers come from a seeded generator, transcendental functions from
 //! `pkm_dyn::math`.
 //!
+//! [`SimBackend`] is the same world behind the contract of hardware, [`limb`] the person in it.
+//!
 //! Not in here: files, printing, clocks, estimators. End stops and contacts are not simulated; motions stay inside the limits.
 
 pub mod actuators;
+pub mod backend;
 pub mod error;
 pub mod hidden;
 pub mod laws;
+pub mod limb;
 mod nominal_motion;
 pub mod plant;
 pub mod playback;
@@ -23,6 +27,7 @@ mod sizes;
 mod stick_slip;
 pub mod trajectory;
 
+pub use backend::{SimBackend, SimClock, SimDrive, SimOptions};
 pub use error::SimError;
 pub use hidden::{describe, draw};
 pub use plant::{Plant, ReducedPlant};

@@ -12,6 +12,12 @@ pub(crate) enum Stream {
     Efforts = 3,
     Hidden = 4,
     Jitter = 12,
+    Counts = 16,
+    ForceCells = 17,
+    Sampling = 18,
+    Drift = 19,
+    Tremor = 20,
+    Will = 21,
 }
 
 /// A stream of random numbers.
@@ -23,8 +29,13 @@ pub(crate) struct Random {
 
 impl Random {
     pub(crate) fn new(seed: u64, stream: Stream) -> Self {
+        Self::nth(seed, stream, 0)
+    }
+
+    /// The stream of the sensor, axis, … number `index` among those of its kind.
+    pub(crate) fn nth(seed: u64, stream: Stream, index: usize) -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
-        generator.set_stream(stream as u64);
+        generator.set_stream(stream as u64 | (index as u64) << 8);
         Self { generator, spare: None }
     }
 

@@ -1,4 +1,19 @@
 //! Sensors: encoders that round and are zeroed wrongly, efforts with noise.
+//!
+//! One file each: [`TickCounter`] (raw counts), [`VelocitySensor`] (pulses per period, or time between them), [`ForceCell`], [`Drift`], and
+//! [`Sampling`] (a clock that jitters, frames that are lost).
+
+mod counter;
+mod drift;
+mod force_cell;
+mod sampling;
+mod velocity;
+
+pub use counter::TickCounter;
+pub use drift::Drift;
+pub use force_cell::{ForceCell, ForceCellConfig};
+pub use sampling::{Sampled, Sampling, SamplingConfig};
+pub use velocity::{VelocitySensing, VelocitySensor};
 
 use pkm_dyn::effects::{Law, Robot};
 

@@ -52,6 +52,12 @@ impl Pose {
         Self { rotation: r, translation: -(r * self.translation) }
     }
 
+    /// Its rotation as a vector along the axis and as long as the angle, which is at most half a turn `[rad]`.
+    #[must_use]
+    pub fn rotation_vector(&self) -> Vector3<f64> {
+        log3(&self.rotation)
+    }
+
     /// A point of B seen in A `[m]`.
     #[must_use]
     #[inline]

@@ -1,0 +1,5 @@
+//! Backends that need nothing but this crate.
+
+mod loopback;
+
+pub use loopback::Loopback;
