@@ -5,11 +5,17 @@
 //! same inputs give the same bits on every machine: random numbers come from a seeded generator, transcendental functions from
 //! `pkm_dyn::math`.
 //!
-//! Not in here: files, printing, clocks, estimators. End stops and contacts are not simulated; motions stay inside the limits.
+//! Two plants: [`ReducedPlant`] in the coordinates of the drives, [`ConstrainedPlant`] in those of the whole tree, for effects that have
+//! states or freedoms of their own. End stops are simulated by the latter where asked for; motions stay inside the limits.
+//!
+//! Not in here: files, printing, clocks, estimators.
 
 pub mod actuators;
+pub mod dae;
+mod dense;
 pub mod error;
 pub mod hidden;
+pub mod laws;
 mod nominal_motion;
 pub mod plant;
 pub mod playback;
@@ -21,11 +27,13 @@ pub mod shaped;
 mod stick_slip;
 pub mod trajectory;
 
+pub use dae::{ConstrainedOptions, ConstrainedPlant, Integrator};
 pub use error::SimError;
 pub use hidden::{describe, draw};
+pub use laws::ForeignLaw;
 pub use plant::{Plant, ReducedPlant};
 pub use playback::Playback;
 pub use reference::{Reference, ReferenceOptions, Sample};
-pub use scenario::{Scenario, run, run_along};
+pub use scenario::{PlantKind, Scenario, needs_states, run, run_along};
 pub use shaped::{Shape, Shaped};
 pub use trajectory::{Trajectory, check_limits};

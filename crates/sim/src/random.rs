@@ -11,6 +11,7 @@ pub(crate) enum Stream {
     Encoders = 2,
     Efforts = 3,
     Hidden = 4,
+    Person = 5,
 }
 
 /// A stream of random numbers.

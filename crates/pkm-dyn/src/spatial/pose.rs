@@ -52,6 +52,12 @@ impl Pose {
         Self { rotation: r, translation: -(r * self.translation) }
     }
 
+    /// Axis times angle of the rotation `[rad]`, at most half a turn.
+    #[must_use]
+    pub fn rotation_vector(&self) -> Vector3<f64> {
+        log3(&self.rotation)
+    }
+
     /// A point of B seen in A `[m]`.
     #[must_use]
     #[inline]
