@@ -85,6 +85,12 @@ pub enum SimError {
         /// What was violated last.
         reason: String,
     },
+    /// A recording without a signal that a replay needs.
+    #[error("the recording has no {signal}")]
+    NoSignal {
+        /// Name of its column.
+        signal: String,
+    },
     /// An effect that this robot cannot have.
     #[error("effect {effect}: {problem}")]
     NoPlace {

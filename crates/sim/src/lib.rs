@@ -26,6 +26,7 @@ pub mod sensors;
 pub mod shaped;
 mod stick_slip;
 pub mod trajectory;
+pub mod twin;
 
 pub use dae::{ConstrainedOptions, ConstrainedPlant, Integrator};
 pub use error::SimError;
@@ -37,3 +38,4 @@ pub use reference::{Reference, ReferenceOptions, Sample};
 pub use scenario::{PlantKind, Scenario, needs_states, run, run_along};
 pub use shaped::{Shape, Shaped};
 pub use trajectory::{Trajectory, check_limits};
+pub use twin::{Twin, twin};

@@ -29,7 +29,7 @@ pub(crate) fn give_rotors(robot: &Robot, extension: &mut Extension, q_act: &[f64
     for closure in [assemble(model, &mut data), walk_to(model, &mut data, q_act)] {
         check(&closure, 0.0)?;
     }
-    let mass = reduced_mass_matrix(model, &mut data);
+    let mass = reduced_mass_matrix(model, &mut data).clone();
     let at_drive = |j: usize| data.independent.iter().position(|&i| i == j).map_or(0.0, |k| mass[(k, k)]);
     for [motor, load] in extension.motors.clone() {
         if extension.model.joints[motor].armature > 0.0 {
