@@ -79,10 +79,27 @@ pub fn stabilised_forward_dynamics(
     tau: &[f64],
     stabilisation: Stabilisation,
 ) -> Closure {
-    let mut closure = at_state(model, data, q, v, stabilisation);
+    let mut closure = bias_motion(model, data, q, v, stabilisation);
+    closure.is_closed &= complete_motion(model, data, tau);
+    closure
+}
+
+/// The first half of [`stabilised_forward_dynamics`], before efforts are known: kinematics, reduction, and what the velocities alone cause,
+/// `data.tau = M·a_0 + nle` `[N | N·m]`.
+///
+/// Efforts that depend on where links are and how they move (`data.pose_wb`, `data.velocity_w`) are computed after it and given to
+/// [`complete_motion`], so that nothing is evaluated twice.
+pub fn bias_motion(model: &Model, data: &mut Data, q: &[f64], v: &[f64], stabilisation: Stabilisation) -> Closure {
+    let closure = at_state(model, data, q, v, stabilisation);
     // Efforts of the motion that the velocities alone cause, then what is left for the freedoms.
     tree_accelerations(model, data);
     tree_efforts(model, data);
+    closure
+}
+
+/// The second half of [`stabilised_forward_dynamics`]: accelerations for efforts `tau` `[N | N·m]` of the tree, nv; whether every freedom
+/// has inertia. `data.a`, `data.tau = M·a + nle`, `data.lambda`.
+pub fn complete_motion(model: &Model, data: &mut Data, tau: &[f64]) -> bool {
     let mut a_ind = core::mem::take(&mut data.tau_ind);
     for (left, (tau, bias)) in data.scratch.iter_mut().zip(tau.iter().zip(&data.tau)) {
         *left = tau - bias;
@@ -91,7 +108,7 @@ pub fn stabilised_forward_dynamics(
     reduced_mass_matrix(model, data);
     let Data { gram, reduced_mass_matrix, .. } = &mut *data;
     gram.copy_from(reduced_mass_matrix);
-    closure.is_closed &= small::cholesky(gram) && has_inertia(data);
+    let is_sound = small::cholesky(gram) && has_inertia(data);
     small::solve(&data.gram, &mut a_ind);
     accelerate(data, &a_ind);
     data.tau_ind = a_ind;
@@ -99,7 +116,7 @@ pub fn stabilised_forward_dynamics(
         let Data { tau: needed, lambda, dependent, elimination, .. } = data;
         elimination.solve_transposed(|d| needed[dependent[d]] - tau[dependent[d]], lambda);
     }
-    closure
+    is_sound
 }
 
 /// A freedom counts as without inertia below this share of the largest inertia in the tree: what is left of it is the square of rounding,

@@ -20,6 +20,7 @@ mod robot_file;
 mod seal;
 mod simulate;
 mod trial_null;
+mod twin;
 mod workspace;
 
 use core::panic::AssertUnwindSafe;
@@ -49,6 +50,7 @@ Look at a robot:
 Handle recordings:
   simulate    Record a simulated robot, with or without concealed physics
   convert     Turn a CSV recording into MCAP, or back
+  twin        Replay a recording in simulation and compare
 
 Fit a robot:
   identify    Estimate masses, inertias and friction of a robot from recordings
@@ -106,6 +108,8 @@ enum Verb {
     Simulate(simulate::Args),
     /// Turn a CSV recording into MCAP, or back.
     Convert(convert::Args),
+    /// Replay a recording in simulation and compare, joint by joint.
+    Twin(twin::Args),
     /// Estimate masses, inertias and friction of a robot from recordings.
     Identify(identify::Args),
     /// Locate, name and size what a robot file leaves out of its recordings.
@@ -134,6 +138,7 @@ fn main() -> ExitCode {
         Verb::Export(args) => export::run(args),
         Verb::Simulate(args) => simulate::run(args),
         Verb::Convert(args) => convert::run(args),
+        Verb::Twin(args) => twin::run(args),
         Verb::Identify(args) => identify::run(args),
         Verb::Diagnose(args) => diagnose::run(args),
         Verb::TrialNull(args) => trial_null::run(args),

@@ -1,6 +1,7 @@
 //! `pkm simulate`: a robot moves with physics that its files do not have, and what a recorder would have written goes into a file.
 
-mod hidden;
+pub(crate) mod hidden;
+pub(crate) mod plant;
 mod reference;
 
 use core::time::Duration;
@@ -28,14 +29,18 @@ const TOLD_S: f64 = 0.1;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 A PD controller with the weight of the robot as feed-forward follows the reference at 1 kHz or the rate of the recording, whichever is
-higher. It knows the robot's files only; what is concealed moves the robot and is not in the file that is written. End stops are not
-simulated. The same arguments give the same bytes.
+higher. It knows the robot's files only; what is concealed moves the robot and is not in the file that is written. Joints pass their limits
+unless --end-stops is given. The same arguments give the same bytes.
+
+The reduced plant moves in the coordinates of the drives and is the default; the constrained one in those of the whole tree, for effects
+with states of their own (play, elastic drives and structures, memories, contacts, persons), and is taken by itself where there are any.
 
 Examples:
   pkm simulate prs3 --out A.mcap
   pkm simulate prs3 --out A.csv --hide 'friction_stribeck@q1:coulomb=12,stiction=21.3,stribeck_velocity=0.01' --seed 7
   pkm simulate serial_arm --out A.mcap --reference chirp --sweep 0.1:2 --noise none
-  pkm simulate robot.toml --out B.mcap --reference A.csv --paced")]
+  pkm simulate robot.toml --out B.mcap --reference A.csv --paced
+  pkm simulate prs3 --out A.mcap --plant constrained --integrator radau --step 2e-4 --end-stops 0.2")]
 pub(crate) struct Args {
     /// A robot.toml, or the name of a shipped robot.
     robot: PathBuf,
@@ -45,6 +50,8 @@ pub(crate) struct Args {
     /// Conceal an effect, NAME@PLACE:PARAMETER=VALUE,... in SI units; may be given several times (`pkm effects` lists them).
     #[arg(long, value_name = "EFFECT")]
     hide: Vec<String>,
+    #[command(flatten)]
+    plant: plant::PlantArgs,
     #[command(flatten)]
     motion: reference::MotionArgs,
     /// Length [default: 20 s, or that of the reference file].
@@ -79,7 +86,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let file = args.robot.display().to_string();
     let description = robot_file::read(&args.robot)?;
     check::must_assemble(&description.robot.model, &file)?;
-    let concealed = args.hide.iter().map(|text| hidden::parse(text, &description.robot.model)).collect::<anyhow::Result<Vec<_>>>()?;
+    let concealed = args.hide.iter().map(|text| hidden::parse("--hide", text, &description.robot.model)).collect::<anyhow::Result<Vec<_>>>()?;
     reserve(args, &description)?;
     let (trajectory, duration_s) = args.motion.build(&description.robot.model, args.duration, args.seed)?;
     let scenario = scenario(args, duration_s)?;
@@ -111,7 +118,13 @@ fn reserve(args: &Args, description: &Description) -> anyhow::Result<()> {
 }
 
 fn scenario(args: &Args, duration_s: f64) -> anyhow::Result<Scenario> {
-    let mut scenario = Scenario { seed: args.seed, duration_s, rate_hz: args.rate, ..Scenario::default() };
+    let mut scenario = Scenario {
+        seed: args.seed,
+        duration_s,
+        rate_hz: args.rate,
+        plant: args.plant.kind(args.seed)?,
+        ..Scenario::default()
+    };
     let Some(noise) = args.noise.as_deref() else { return Ok(scenario) };
     (scenario.encoder_resolution, scenario.encoder_noise, scenario.effort_noise) = (0.0, 0.0, 0.0);
     if noise == "none" {

@@ -27,11 +27,15 @@ pub struct ActuatorChain {
     /// Time constant and output of each first-order lag.
     lags: Vec<(f64, f64)>,
     limit: f64,
+    /// Half of the width within which commands do not act.
+    dead_zone: f64,
     period: f64,
     /// Scaled commands, newest first.
     commands: Vec<f64>,
     /// How late the recorder sees the effort `[s]`: a delay effect with a negative number.
     recording_delay: f64,
+    /// Share of the command that the recorder sees.
+    recorded_share: f64,
 }
 
 impl ActuatorChain {
@@ -51,10 +55,14 @@ impl ActuatorChain {
             scale: robot.chain(j, |law| matches!(law, Law::EffortScale)).product(),
             delay,
             lags: robot.chain(j, |law| matches!(law, Law::EffortLag)).filter(|tau| *tau > 0.0).map(|tau| (tau, 0.0)).collect(),
-            limit: if limit > 0.0 { limit } else { f64::INFINITY },
+            limit: robot
+                .chain(j, |law| matches!(law, Law::EffortLimit))
+                .fold(if limit > 0.0 { limit } else { f64::INFINITY }, |least, limit| least.min(limit.max(0.0))),
+            dead_zone: robot.chain(j, |law| matches!(law, Law::EffortDeadZone)).map(|width| 0.5 * width.max(0.0)).sum(),
             period,
             commands: vec![0.0; periods(delay / period)],
             recording_delay: (-total).max(0.0),
+            recorded_share: robot.chain(j, |law| matches!(law, Law::CommandShare)).map(|missing| 1.0 - missing).product(),
         })
     }
 
@@ -71,9 +79,21 @@ impl ActuatorChain {
         self.recording_delay
     }
 
+    /// Share of the command that the recorder sees: less than all where the recorded command is not the controller's.
+    #[must_use]
+    pub fn recorded_share(&self) -> f64 {
+        self.recorded_share
+    }
+
+    /// What acts of a command before delay and lags: its scale, less the dead zone.
+    fn acting(&self, command: f64) -> f64 {
+        let beyond = (command.abs() - self.dead_zone).max(0.0);
+        self.scale * if command < 0.0 { -beyond } else { beyond }
+    }
+
     /// Brings the chain to rest at a command that has been held for ever `[N | N·m]`.
     pub fn settle(&mut self, command: f64) {
-        let acting = self.scale * command;
+        let acting = self.acting(command);
         self.commands.fill(acting);
         for lag in &mut self.lags {
             lag.1 = acting;
@@ -83,7 +103,7 @@ impl ActuatorChain {
     /// Takes the command of the period that begins now `[N | N·m]`.
     pub fn push(&mut self, command: f64) {
         self.commands.rotate_right(1);
-        self.commands[0] = self.scale * command;
+        self.commands[0] = self.acting(command);
     }
 
     /// Mean acting effort from `offset` after the period's begin over `h`, both `[s]`; parts must follow one another without gap.
@@ -130,7 +150,17 @@ mod tests {
     fn chain(delay: f64, lags: &[f64]) -> ActuatorChain {
         let lags = lags.iter().map(|&tau| (tau, 0.0)).collect();
         let commands = vec![0.0; periods(delay / 1e-3)];
-        ActuatorChain { scale: 1.0, delay, lags, limit: 1e9, period: 1e-3, commands, recording_delay: 0.0 }
+        ActuatorChain {
+            scale: 1.0,
+            delay,
+            lags,
+            limit: 1e9,
+            dead_zone: 0.0,
+            period: 1e-3,
+            commands,
+            recording_delay: 0.0,
+            recorded_share: 1.0,
+        }
     }
 
     #[test]
@@ -153,6 +183,15 @@ mod tests {
         for u in [1.0, -3.0, 2.0] {
             chain.push(u);
             assert!((chain.mean_over(0.0, 0.5e-3) - u).abs() < 1e-12 && (chain.mean_over(0.5e-3, 0.5e-3) - u).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_dead_zone_swallows_half_its_width_of_either_sign() {
+        let mut chain = ActuatorChain { dead_zone: 0.5, scale: 2.0, limit: 3.0, ..chain(0.0, &[]) };
+        for (command, acts) in [(0.4, 0.0), (-0.5, 0.0), (1.5, 2.0), (-1.5, -2.0), (4.0, 3.0)] {
+            chain.push(command);
+            assert!((chain.mean_over(0.0, 1e-3) - acts).abs() < 1e-15, "{command}");
         }
     }
 

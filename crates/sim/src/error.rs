@@ -49,6 +49,12 @@ pub enum SimError {
         /// When `[s]`.
         time: f64,
     },
+    /// A step that cannot be taken.
+    #[error("no way on at t = {time} s: loops open, a freedom moves no mass, or an effect is too stiff for the step")]
+    Stuck {
+        /// When `[s]`.
+        time: f64,
+    },
     /// The motion grew beyond all bounds.
     #[error("the motion diverged at t = {time} s")]
     Diverged {
@@ -78,6 +84,12 @@ pub enum SimError {
         robot: String,
         /// What was violated last.
         reason: String,
+    },
+    /// A recording without a signal that a replay needs.
+    #[error("the recording has no {signal}")]
+    NoSignal {
+        /// Name of its column.
+        signal: String,
     },
     /// An effect that this robot cannot have.
     #[error("effect {effect}: {problem}")]

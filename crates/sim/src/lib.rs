@@ -15,6 +15,17 @@ pub mod error;
 pub mod hidden;
 pub mod laws;
 pub mod limb;
+//! Two plants: [`ReducedPlant`] in the coordinates of the drives, [`ConstrainedPlant`] in those of the whole tree, for effects that have
+//! states or freedoms of their own. End stops are simulated by the latter where asked for; motions stay inside the limits.
+//!
+//! Not in here: files, printing, clocks, estimators.
+
+pub mod actuators;
+pub mod dae;
+mod dense;
+pub mod error;
+pub mod hidden;
+pub mod laws;
 mod nominal_motion;
 pub mod plant;
 pub mod playback;
@@ -26,13 +37,17 @@ pub mod shaped;
 mod sizes;
 mod stick_slip;
 pub mod trajectory;
+pub mod twin;
 
 pub use backend::{SimBackend, SimClock, SimDrive, SimOptions};
+pub use dae::{ConstrainedOptions, ConstrainedPlant, Integrator};
 pub use error::SimError;
 pub use hidden::{describe, draw};
+pub use laws::ForeignLaw;
 pub use plant::{Plant, ReducedPlant};
 pub use playback::Playback;
 pub use reference::{Reference, ReferenceOptions, Sample};
-pub use scenario::{Scenario, run, run_along};
+pub use scenario::{PlantKind, Scenario, needs_states, run, run_along};
 pub use shaped::{Shape, Shaped};
 pub use trajectory::{Trajectory, check_limits};
+pub use twin::{Twin, twin};

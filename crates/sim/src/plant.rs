@@ -7,13 +7,17 @@ use pkm_dyn::energy::{kinetic_energy, potential_energy};
 use pkm_dyn::inverse_dynamics::{closed_loop_motion, rigid_effort};
 use pkm_dyn::loops::{Closure, assemble, mobility, walk_to};
 use pkm_dyn::model::Model;
+use pkm_dyn::spatial::{Force, Motion, Pose};
 use pkm_dyn::{Data, math};
 
 use crate::error::SimError;
 use crate::stick_slip::{Contact, solve};
 
 /// Something that moves when its drives push.
-pub trait Plant {
+///
+/// Encoders sit on the motors: [`Plant::position`] is theirs, [`Plant::load_position`] that of the joints where a transmission lies
+/// between. What a plant cannot tell is `None`.
+pub trait Plant: Send {
     /// Positions of the drives `[m | rad]`.
     fn position(&self) -> &[f64];
 
@@ -25,6 +29,38 @@ pub trait Plant {
     /// # Errors
     /// The state after which the motion cannot go on: loops open, nothing to move, or numbers beyond all bounds.
     fn step(&mut self, tau: &[f64], h: f64) -> Result<(), SimError>;
+
+    /// Time since the start `[s]`.
+    fn time(&self) -> Option<f64> {
+        None
+    }
+
+    /// Positions of the driven joints on the load's side of their transmissions `[m | rad]`.
+    fn load_position(&self) -> &[f64] {
+        self.position()
+    }
+
+    /// Positions `[m | rad]` and velocities `[m/s | rad/s]` of all joints of the robot's tree.
+    fn tree(&self) -> Option<[&[f64]; 2]> {
+        None
+    }
+
+    /// Kinetic and potential energy of bodies, rotors and transmissions' springs `[J]`.
+    fn stored_energy(&mut self) -> Option<f64> {
+        None
+    }
+
+    /// Pose of a link in the root frame, and the velocity of its origin in the root's axes `[m/s]`, `[rad/s]`.
+    fn link_motion(&mut self, link: usize) -> Option<(Pose, Motion)> {
+        let _ = link;
+        None
+    }
+
+    /// Force and moment of environment and persons on the link of a wrench sensor, in the sensor's frame `[N]`, `[N·m]`.
+    fn sensor_wrench(&mut self, sensor: usize) -> Option<Force> {
+        let _ = sensor;
+        None
+    }
 }
 
 /// A robot with its effects in the coordinates of its drives; loops are closed by Newton in every step.
@@ -56,6 +92,9 @@ impl ReducedPlant {
     /// # Errors
     /// Loops that do not close there, or drives that do not determine the motion.
     pub fn try_new(robot: Robot, q_act: &[f64]) -> Result<Self, SimError> {
+        if let Some(effect) = robot.effects.iter().find(|e| has_states(&e.entry.law)) {
+            return Err(SimError::NoPlace { effect: effect.entry.name, problem: "the reduced plant has no state for it: use the constrained one" });
+        }
         let model = &robot.model;
         let mut data = Data::new(model);
         let n = model.n_act();
@@ -149,7 +188,7 @@ impl ReducedPlant {
 }
 
 /// Efforts in backward and in forward motion at joint velocity `speed`.
-fn levels(speed: f64, effort: impl Fn(f64, f64) -> f64) -> (f64, f64) {
+pub(crate) fn levels(speed: f64, effort: impl Fn(f64, f64) -> f64) -> (f64, f64) {
     let (low, high) = (effort(speed.min(0.0), -1.0), effort(speed.max(0.0), 1.0));
     if low <= high {
         return (low, high);
@@ -157,6 +196,11 @@ fn levels(speed: f64, effort: impl Fn(f64, f64) -> f64) -> (f64, f64) {
     // An effect that drives rather than resists (a negative level) has no state of rest: it is what it is in the present direction.
     let effort = effort(speed, math::sign(speed));
     (effort, effort)
+}
+
+/// Whether a law has states, freedoms or a place that the reduced plant does not have.
+pub(crate) fn has_states(law: &Law) -> bool {
+    matches!(law, Law::PairEffort(_) | Law::Memory(_) | Law::Transmission(_) | Law::Structure | Law::Wrench(_) | Law::Person)
 }
 
 /// An open loop as an error.
@@ -209,5 +253,25 @@ impl Plant for ReducedPlant {
             self.v[k] = v[k];
         }
         Ok(())
+    }
+
+    fn time(&self) -> Option<f64> {
+        Some(self.time)
+    }
+
+    fn stored_energy(&mut self) -> Option<f64> {
+        self.energy().ok()
+    }
+
+    fn link_motion(&mut self, link: usize) -> Option<(Pose, Motion)> {
+        let Self { robot, data, q, v, scratch, .. } = self;
+        let link = robot.model.links.get(link)?;
+        scratch.fill(0.0);
+        // The tree in `data` is that of mid-step: bring it to the end first.
+        if !closed_loop_motion(&robot.model, data, q, v, scratch).is_closed {
+            return None;
+        }
+        let pose = link.body.map_or(link.pose, |b| data.pose_wb[b].compose(&link.pose));
+        Some((pose, link.body.map(|b| data.velocity_w[b].at(&pose.translation)).unwrap_or_default()))
     }
 }

@@ -18,6 +18,7 @@ pub(crate) enum Stream {
     Drift = 19,
     Tremor = 20,
     Will = 21,
+    Person = 5,
 }
 
 /// A stream of random numbers.

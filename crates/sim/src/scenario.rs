@@ -9,8 +9,9 @@ use pkm_dyn::model::Model;
 use pkm_ident::{EffortKind, Recording};
 
 use crate::actuators::ActuatorChain;
+use crate::dae::{ConstrainedOptions, ConstrainedPlant};
 use crate::error::SimError;
-use crate::plant::{Plant, ReducedPlant, check};
+use crate::plant::{Plant, ReducedPlant, check, has_states};
 use crate::random::{Random, Stream};
 use crate::reference::{Reference, ReferenceOptions, Sample};
 use crate::sensors::{Encoder, add_noise};
@@ -40,6 +41,50 @@ const AT_REST: f64 = 1e-9;
 /// Progress is told so often `[s of the motion]`.
 const TOLD_S: f64 = 0.1;
 
+/// Which plant moves the true robot.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum PlantKind {
+    /// The reduced one where it is right, the constrained one where an effect has states or freedoms of its own ([`needs_states`]).
+    #[default]
+    Auto,
+    /// [`ReducedPlant`].
+    Reduced,
+    /// [`ConstrainedPlant`].
+    Constrained(ConstrainedOptions),
+}
+
+impl PlantKind {
+    /// The plant for a robot at rest at `start`, moving at `velocity`, both per drive `[m | rad]`, `[m/s | rad/s]`.
+    ///
+    /// # Errors
+    /// Whatever the plant does not start with; the reduced plant with effects that have states.
+    pub fn build(self, truth: &Robot, seed: u64, start: &[f64], velocity: &[f64]) -> Result<Box<dyn Plant>, SimError> {
+        let is_moving = velocity.iter().any(|v| v.abs() > AT_REST);
+        let options = match self {
+            Self::Constrained(options) => options,
+            Self::Auto if needs_states(truth) => ConstrainedOptions { seed, ..ConstrainedOptions::default() },
+            Self::Auto | Self::Reduced => {
+                let mut plant = ReducedPlant::try_new(truth.clone(), start)?;
+                if is_moving {
+                    plant.set_velocity(velocity);
+                }
+                return Ok(Box::new(plant));
+            }
+        };
+        let mut plant = ConstrainedPlant::try_new(truth.clone(), start, options)?;
+        if is_moving {
+            plant.set_velocity(velocity);
+        }
+        Ok(Box::new(plant))
+    }
+}
+
+/// Whether an effect of the robot has states, freedoms or a place that only [`ConstrainedPlant`] has.
+#[must_use]
+pub fn needs_states(robot: &Robot) -> bool {
+    robot.effects.iter().any(|e| has_states(&e.entry.law))
+}
+
 /// What to simulate. The noise of every sensor is white.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scenario {
@@ -59,6 +104,8 @@ pub struct Scenario {
     pub encoder_noise: f64,
     /// Standard deviation of effort noise, as a share of the effort's rms.
     pub effort_noise: f64,
+    /// What moves the true robot.
+    pub plant: PlantKind,
 }
 
 impl Default for Scenario {
@@ -72,6 +119,7 @@ impl Default for Scenario {
             encoder_resolution: 1e-6,
             encoder_noise: 1e-6,
             effort_noise: 0.01,
+            plant: PlantKind::Auto,
         }
     }
 }
@@ -190,7 +238,7 @@ struct Drive {
 }
 
 struct World<'r> {
-    plant: ReducedPlant,
+    plant: Box<dyn Plant>,
     nominal: &'r Model,
     nominal_data: Data,
     drives: Vec<Drive>,
@@ -229,16 +277,13 @@ impl<'r> World<'r> {
                 command: 0.0,
             });
         }
-        let start: Vec<f64> = sample.q.iter().zip(&drives).map(|(q, d)| q + d.encoder.offset).collect();
+        let start: Vec<f64> = sample.q.iter().zip(&drives).map(|(q, d)| d.encoder.true_position(*q)).collect();
         let n = drives.len();
         let mut nominal_data = Data::new(model);
         for closure in [assemble(model, &mut nominal_data), walk_to(model, &mut nominal_data, &sample.q)] {
             check(&closure, 0.0)?;
         }
-        let mut plant = ReducedPlant::try_new(truth.clone(), &start)?;
-        if sample.v.iter().any(|v| v.abs() > AT_REST) {
-            plant.set_velocity(&sample.v);
-        }
+        let plant = scenario.plant.build(truth, scenario.seed, &start, &sample.v)?;
         Ok(Self {
             plant,
             nominal: model,
@@ -259,7 +304,7 @@ impl<'r> World<'r> {
         let closure = inverse_dynamics(self.nominal, nominal_data, &sample.q, zero, zero);
         check(&closure, t)?;
         for (k, drive) in self.drives.iter_mut().enumerate() {
-            drive.reading = drive.encoder.read(self.plant.position()[k], &mut self.random);
+            drive.reading = drive.encoder.read(self.plant.position()[k], t, &mut self.random);
             let input = Input {
                 q_ref: [self.sample.q[k]],
                 v_ref: [self.sample.v[k]],
@@ -349,6 +394,8 @@ impl Log {
         for (k, ((readings, q_ref), v_ref)) in columns.enumerate() {
             let late = world.drives[k].chain.recording_delay() / world.period;
             let mut tau: Vec<f64> = (0..self.time.len()).map(|i| measured(&self.commands[k], (i * per_sample) as f64 - late)).collect();
+            let share = world.drives[k].chain.recorded_share();
+            tau.iter_mut().for_each(|tau| *tau *= share);
             add_noise(&mut tau, scenario.effort_noise, &mut random);
             let joint = &model.joints[model.actuators[k]].name;
             for (prefix, column) in [("q", readings), ("tau", tau), ("q_ref", q_ref), ("dq_ref", v_ref)] {

@@ -23,11 +23,15 @@ pub(crate) struct Contact {
     pub(crate) high: f64,
     /// Effort found; kept from step to step as the next start.
     pub(crate) effort: f64,
+    /// Velocity at which it takes any effort between the levels `[m/s | rad/s]`: zero, or what an impact sends back.
+    pub(crate) rest: f64,
+    /// Change of the drives' velocities per unit of its effort in the step.
+    gain: DVector<f64>,
 }
 
 impl Contact {
     pub(crate) fn new(n_act: usize) -> Self {
-        Self { row: DVector::zeros(n_act), low: 0.0, high: 0.0, effort: 0.0 }
+        Self { row: DVector::zeros(n_act), low: 0.0, high: 0.0, effort: 0.0, rest: 0.0, gain: DVector::zeros(n_act) }
     }
 }
 
@@ -36,27 +40,31 @@ impl Contact {
 /// On return `v` and the contacts' efforts satisfy `effort = high` where the joint moves forward, `low` where it moves backward, and
 /// lie in between where it stands.
 pub(crate) fn solve(contacts: &mut [Contact], inverse_mass: &DMatrix<f64>, h: f64, v: &mut DVector<f64>) {
-    let gains: Vec<DVector<f64>> = contacts.iter().map(|c| inverse_mass * &c.row * h).collect();
     let mut scale = 0.0_f64;
-    for (c, gain) in contacts.iter_mut().zip(&gains) {
+    for c in contacts.iter_mut() {
+        c.gain.gemv(1.0, inverse_mass, &c.row, 0.0);
+        c.gain *= h;
         c.effort = c.effort.clamp(c.low, c.high);
-        v.axpy(-c.effort, gain, 1.0);
-        scale = scale.max(c.low.abs()).max(c.high.abs());
+        v.axpy(-c.effort, &c.gain, 1.0);
+        // A stop has no highest effort.
+        scale = [c.low, c.high].into_iter().filter(|x| x.is_finite()).fold(scale, |top, x| top.max(x.abs()));
     }
     for _ in 0..MAX_SWEEPS {
-        let mut change = 0.0_f64;
-        for (c, gain) in contacts.iter_mut().zip(&gains) {
-            let response = c.row.dot(gain);
-            if response <= 0.0 {
+        let (mut change, mut largest) = (0.0_f64, scale);
+        for c in contacts.iter_mut() {
+            let response = c.row.dot(&c.gain);
+            let is_free = c.low == 0.0 && c.high == 0.0;
+            if response <= 0.0 || is_free {
                 continue;
             }
-            let wanted = (c.effort + c.row.dot(v) / response).clamp(c.low, c.high);
+            let wanted = (c.effort + (c.row.dot(v) - c.rest) / response).clamp(c.low, c.high);
             let difference = wanted - c.effort;
-            v.axpy(-difference, gain, 1.0);
+            v.axpy(-difference, &c.gain, 1.0);
             c.effort = wanted;
             change = change.max(difference.abs());
+            largest = largest.max(wanted.abs());
         }
-        if change <= SETTLED * scale {
+        if change <= SETTLED * largest {
             break;
         }
     }
@@ -67,7 +75,7 @@ mod tests {
     use super::*;
 
     fn block(level: f64) -> Contact {
-        Contact { row: DVector::from_element(1, 1.0), low: -level, high: level, effort: 0.0 }
+        Contact { row: DVector::from_element(1, 1.0), low: -level, high: level, ..Contact::new(1) }
     }
 
     #[test]
@@ -85,7 +93,7 @@ mod tests {
     #[test]
     fn coupled_joints_one_stuck_one_sliding_are_solved_together() {
         let inverse_mass = DMatrix::from_row_slice(2, 2, &[1.0, -0.6, -0.6, 1.0]);
-        let mut contacts = [block(1.0), block(1.0)];
+        let mut contacts = [block(1.0), block(1.0)].map(|c| Contact { low: c.low, high: c.high, ..Contact::new(2) });
         contacts[0].row = DVector::from_vec(vec![1.0, 0.0]);
         contacts[1].row = DVector::from_vec(vec![0.0, 1.0]);
         let mut v = &inverse_mass * DVector::from_vec(vec![3.0, 0.8]);

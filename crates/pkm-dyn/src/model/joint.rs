@@ -172,6 +172,24 @@ pub struct Joint {
 }
 
 impl Joint {
+    /// A joint of one coordinate about or along the unit vector `axis`, its frame that of its parent: no limits, friction or rotor.
+    #[must_use]
+    pub fn new(name: String, kind: JointKind, axis: Vector3<f64>, parent: Option<usize>) -> Self {
+        Self {
+            name,
+            kind,
+            part: Part::Whole,
+            principal: Principal::of(&axis),
+            axis,
+            placement: Pose::identity(),
+            parent,
+            limits: Limits::default(),
+            viscous: 0.0,
+            coulomb: 0.0,
+            armature: 0.0,
+        }
+    }
+
     /// Pose of the body in its parent; `q` begins with this joint's coordinate `[m | rad]` and holds those of the same joint after it.
     #[must_use]
     #[inline]

@@ -1,0 +1,149 @@
+//! `pkm twin`: a recording replayed in simulation, measured against simulated.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context, anyhow};
+use pkm_dyn::effects::Robot;
+use pkm_ident::Recording;
+use pkm_report::{Curve, Figure, Ink, Scale, Sheet, Table, Tone, sheet};
+use pkm_sim::twin::{Apart, Twin, TwinJoint, twin};
+use serde_json::{Value, json};
+
+use crate::diagnosis::read_recordings;
+use crate::outputs::Outputs;
+use crate::simulate::hidden;
+use crate::simulate::plant::PlantArgs;
+use crate::{check, out, robot_file};
+
+/// Arguments of `pkm twin`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+The controller of `pkm simulate` (PD with the weight of ROBOT as feed-forward) follows the reference in the recording (q_ref.<joint>, and
+dq_ref.<joint> where recorded) in a simulation without noise. What the robot did and what the simulated one does are compared joint by
+joint: position, effort, and the work of the drive. A robot that was moved by another controller differs by that as well.
+
+Examples:
+  pkm twin prs3 --recording A.mcap
+  pkm twin robot.toml --recording A.mcap --with 'payload@platform:mass=5' --html twin.html")]
+pub(crate) struct Args {
+    /// A robot.toml, or the name of a shipped robot.
+    robot: PathBuf,
+    /// The recording (.csv or .mcap) to replay.
+    #[arg(long, value_name = "FILE")]
+    recording: PathBuf,
+    /// An effect that the simulated robot has besides its file, NAME@PLACE:PARAMETER=VALUE,...; may be given several times.
+    #[arg(long = "with", value_name = "EFFECT")]
+    with: Vec<String>,
+    #[command(flatten)]
+    plant: PlantArgs,
+    /// Topic of the joint states, where an MCAP file has several.
+    #[arg(long, value_name = "TOPIC")]
+    topic: Option<String>,
+    /// Seed of what persons do.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Write a page with curves here; it needs no network.
+    #[arg(long, value_name = "OUT.html")]
+    html: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let file = args.robot.display().to_string();
+    let description = robot_file::read(&args.robot)?;
+    let nominal = &description.robot;
+    check::must_assemble(&nominal.model, &file)?;
+    let added = args.with.iter().map(|text| hidden::parse("--with", text, &nominal.model)).collect::<anyhow::Result<Vec<_>>>()?;
+    let targets: Vec<PathBuf> = args.html.iter().cloned().collect();
+    let inputs: [&Path; 2] = [&args.robot, &args.recording];
+    let mut outputs = Outputs::reserve(&targets, &inputs)?;
+    let recording = read_recordings(core::slice::from_ref(&args.recording), args.topic.as_deref())?;
+    let recording = recording.first().ok_or_else(|| anyhow!("no recording"))?;
+    let truth = Robot::new(description.bare.clone(), nominal.effects.iter().cloned().chain(added).collect());
+    let name = args.recording.display().to_string();
+    let found = twin([&truth, nominal], recording, args.plant.kind(args.seed)?).with_context(|| name.clone())?;
+    if let Some(target) = &args.html {
+        outputs.write(target, &page(&nominal.model.name, recording, &found))?;
+    }
+    outputs.publish()?;
+    let text = if args.json { serde_json::to_string_pretty(&as_json(&nominal.model.name, &name, &found))? } else { as_text(&name, &found) };
+    out::say(&out::clean(&text))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn as_json(robot: &str, recording: &str, found: &Twin) -> Value {
+    let apart = |a: &Apart| json!({"rms": a.rms, "peak": a.peak, "measured_rms": a.measured_rms});
+    let joint = |j: &TwinJoint| {
+        json!({
+            "joint": j.joint,
+            "position": apart(&j.position),
+            "effort": j.effort.as_ref().map(apart),
+            "work_measured_j": j.work.map(|w| w[0]),
+            "work_simulated_j": j.work.map(|w| w[1]),
+        })
+    };
+    json!({
+        "schema": "pkm.twin/1",
+        "robot": robot,
+        "recording": recording,
+        "duration_s": found.duration_s,
+        "joints": found.joints.iter().map(joint).collect::<Vec<_>>(),
+    })
+}
+
+fn head() -> Vec<String> {
+    ["joint", "position rms", "peak", "effort rms", "peak", "of measured", "work measured", "simulated"].map(String::from).to_vec()
+}
+
+fn row(j: &TwinJoint) -> Vec<String> {
+    let none = || "-".to_string();
+    let effort = |of: fn(&Apart) -> f64| j.effort.as_ref().map_or_else(none, |e| out::number(of(e)));
+    let share = j.effort.filter(|e| e.measured_rms > 0.0).map_or_else(none, |e| format!("{:.2} %", 100.0 * e.rms / e.measured_rms));
+    let work = |k: usize| j.work.map_or_else(none, |w| format!("{} J", out::number(w[k])));
+    let position = [out::number(j.position.rms), out::number(j.position.peak)];
+    let [rms, peak] = position;
+    vec![j.joint.clone(), rms, peak, effort(|e| e.rms), effort(|e| e.peak), share, work(0), work(1)]
+}
+
+fn as_text(name: &str, found: &Twin) -> String {
+    let rows: Vec<Vec<String>> = core::iter::once(head()).chain(found.joints.iter().map(row)).collect();
+    format!("{name}: {:.3} s replayed; measured less simulated, in m or rad, N or N·m\n{}", found.duration_s, out::table(&rows))
+}
+
+fn page(robot: &str, recording: &Recording, found: &Twin) -> String {
+    let worst = found.joints.iter().filter_map(|j| j.effort).map(|e| e.rms / e.measured_rms.max(f64::MIN_POSITIVE)).fold(0.0, f64::max);
+    let figure = |(prefix, what): (&str, &str), joint: &TwinJoint| -> Option<Figure> {
+        let name = format!("{prefix}.{}", joint.joint);
+        let curve = |label: &str, ink, of: &Recording| -> Option<Curve> {
+            let first = of.time.first()?;
+            let points = of.time.iter().map(|t| t - first).zip(of.signal(&name)?.iter().copied()).collect();
+            Some(Curve { label: label.to_string(), ink, points })
+        };
+        Some(Figure {
+            title: format!("{what} of {}", joint.joint),
+            x_label: "time, s".to_string(),
+            y_label: format!("{name}, SI units"),
+            scales: [Scale::Linear; 2],
+            curves: vec![curve("measured", Ink::Plain, recording)?, curve("simulated", Ink::First, &found.simulated)?],
+            shaded: (String::new(), Vec::new()),
+        })
+    };
+    let kinds = [("q", "Position"), ("tau", "Effort")];
+    sheet(&Sheet {
+        eyebrow: "Replay in simulation".to_string(),
+        title: robot.to_string(),
+        outcome: (format!("efforts differ by up to {:.2} %", 100.0 * worst), Tone::Found),
+        answer: format!(
+            "{:.3} s of the recorded reference, followed by the simulated robot under the controller of pkm simulate; shares are rms over \
+             rms of the measured effort about its mean.",
+            found.duration_s
+        ),
+        figures: found.joints.iter().flat_map(|j| kinds.iter().filter_map(move |&kind| figure(kind, j))).collect(),
+        tables: vec![Table { title: "Measured less simulated".to_string(), head: head(), rows: found.joints.iter().map(row).collect() }],
+        footer: "The simulation has no noise; a robot that another controller moved differs by that as well.".to_string(),
+    })
+}
