@@ -7,6 +7,8 @@
 //!
 //! Not in here: files, printing, clocks, estimators. End stops and contacts are not simulated; motions stay inside the limits.
 
+extern crate alloc;
+
 pub mod actuators;
 pub mod error;
 pub mod hidden;
