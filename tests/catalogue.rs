@@ -394,7 +394,10 @@ fn place(model: &Model, kind: PlaceKind) -> String {
 fn every_effect_can_be_put_on_a_closed_loop_robot_by_name() {
     let model = drawn_loops(Shape::Planar, &mut Draw::new(5));
     for e in CATALOGUE {
-        let required: Vec<(String, f64)> = e.parameters.iter().filter(|p| p.default.is_none()).map(|p| (p.name.to_string(), 0.5)).collect();
+        // An end lies after its start.
+        let value = |name: &str| if name == "end" { 1.5 } else { 0.5 };
+        let required = e.parameters.iter().filter(|p| p.default.is_none());
+        let required: Vec<(String, f64)> = required.map(|p| (p.name.to_string(), value(p.name))).collect();
         let at = place(&model, e.place);
         let applied = Applied::try_new(&model, e.name, &at, &required).expect("required parameters suffice");
         assert_eq!(applied.place_names(&model).join(","), at);

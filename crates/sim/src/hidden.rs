@@ -75,7 +75,8 @@ pub fn describe(effects: &[Applied], model: &Model) -> String {
         let kind = if e.site == Site::Joint { model.joints[e.place].kind } else { JointKind::Prismatic };
         // Zeros that need not be stated are left out.
         let stated = e.entry.parameters.iter().zip(&e.values).filter(|(p, v)| v.abs() > 0.0 || p.default.is_none());
-        let unit = |p: &Parameter| if p.unit == Unit::One { String::new() } else { format!(" {}", p.unit.text(kind)) };
+        let unit =
+            |p: &Parameter| if matches!(p.unit, Unit::One | Unit::Share) { String::new() } else { format!(" {}", p.unit.text(kind)) };
         let numbers: Vec<String> = stated.map(|(p, v)| format!("{} = {}{}", p.name, rounded(*v), unit(p))).collect();
         format!("{} at {}: {}", e.entry.name, e.place_names(model).join(" and "), numbers.join(", "))
     };

@@ -9,6 +9,8 @@
 //!
 //! Not in here: files, printing, clocks, estimators. End stops and contacts are not simulated; motions stay inside the limits.
 
+extern crate alloc;
+
 pub mod actuators;
 pub mod backend;
 pub mod error;

@@ -214,7 +214,7 @@ pub enum Unit {
     Second,
     /// Per degree of warming or per second of running, whichever [`JointState::warmth`] counts.
     PerWarmth,
-    /// The sensor's own unit per second.
+    /// m/s or rad/s of a position; of another sensor its own unit per second.
     ReadingPerSecond,
     /// A pure number.
     One,
@@ -245,8 +245,8 @@ impl Unit {
             Self::Moment => "N·m",
             Self::MomentPerAngle => "N·m/rad",
             Self::MomentPerAngularVelocity => "N·m·s/rad",
-            Self::Velocity if revolute => "rad/s",
-            Self::Velocity => "m/s",
+            Self::Velocity | Self::ReadingPerSecond if revolute => "rad/s",
+            Self::Velocity | Self::ReadingPerSecond => "m/s",
             Self::Position if revolute => "rad",
             Self::Position | Self::Length => "m",
             Self::PerPosition if revolute => "1/rad",
@@ -258,8 +258,6 @@ impl Unit {
             Self::Rad => "rad",
             Self::Second => "s",
             Self::PerWarmth => "1/°C or 1/s",
-            Self::ReadingPerSecond if revolute => "rad/s, or the sensor's unit per second",
-            Self::ReadingPerSecond => "m/s, or the sensor's unit per second",
             Self::One | Self::Share => "1",
         }
     }

@@ -32,7 +32,7 @@ fn every_form_is_of_an_effect_and_stated_with_its_required_parameters() {
 
 #[test]
 fn ten_different_effects_have_another_form() {
-    let effects: std::collections::BTreeSet<&str> = FORMS.iter().flat_map(|f| f.effects.iter().copied()).collect();
+    let effects: alloc::collections::BTreeSet<&str> = FORMS.iter().flat_map(|f| f.effects.iter().copied()).collect();
     assert!(effects.len() >= 10, "{effects:?}");
 }
 
