@@ -6,7 +6,7 @@
 use crate::shell::{answer, cargo, program, run, target};
 
 /// Crates and the flags that build them without std.
-const CRATES: [&str; 3] = ["-p pkm-dyn --no-default-features", "-p pkm-ctrl", "-p pkm-hal --no-default-features"];
+const CRATES: [&str; 3] = ["-p pkm-dyn --no-default-features", "-p pkm-ctrl", "-p pkm-hal --no-default-features --features conformance"];
 
 /// Targets that have no std at all; checked where rustup has them.
 const BARE_METAL: [&str; 2] = ["thumbv7em-none-eabihf", "x86_64-unknown-none"];

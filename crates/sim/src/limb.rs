@@ -1,10 +1,12 @@
 //! A limb in the robot: what a passive ankle or knee does to the link it is strapped to, and what the person adds.
 //!
-//! All of it is a function of the link's pose and velocity; the one state is the person's own ([`Patient`]). Efforts and wrenches are those on
+//! A [`Limb`] is a function of a link's pose and velocity, [`Worn`] puts [`Impedance`]s at the joints of drives; the one state is the person's own
+//! ([`Patient`]). Efforts and wrenches are those on
 //! the robot.
 
 mod end_stop;
 mod patient;
+mod worn;
 
 use nalgebra::{Matrix3, Vector3};
 use pkm_dyn::math;
@@ -12,6 +14,7 @@ use pkm_dyn::spatial::{Force, Inertia, Motion, Pose, skew};
 
 pub use end_stop::EndStops;
 pub use patient::{Patient, PatientConfig, Will};
+pub use worn::Worn;
 
 use crate::error::SimError;
 

@@ -4,7 +4,7 @@ use pkm_dyn::math;
 
 use crate::error::SimError;
 
-/// Progressive ends of a range: `stiffness·d^exponent·(1 + damping·d')` at a depth `d` beyond either end [Hunt1975].
+/// Progressive ends of a range: `stiffness·d^exponent·(1 + damping·d')` at a depth `d` beyond either end \[Hunt1975\].
 ///
 /// The damping grows with the depth, so the effort begins at zero, without a jump at contact, and never pulls.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -11,7 +11,7 @@ pub enum VelocitySensing {
     None,
     /// Ticks passed in a period, over the period: its noise is that of rounding, whatever the speed.
     PulseCounting,
-    /// Whole ticks passed between two edges, over the time between them [Ohmae1982]: fine at speed, late at creep.
+    /// Whole ticks passed between two edges, over the time between them \[Ohmae1982\]: fine at speed, late at creep.
     PulseTiming {
         /// Width of a tick of the timer that stamps edges `[s]`; 0 is exact.
         timer: f64,
