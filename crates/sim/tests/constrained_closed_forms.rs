@@ -54,14 +54,12 @@ fn dahl_effort(p: &[f64], z: f64, _: f64) -> f64 {
 fn a_pendulum_swings_with_the_period_of_the_elliptic_integral_whatever_the_rule() {
     let mut model = double_pendulum();
     // One pendulum: the lower link weighs next to nothing and hangs straight.
-    model.bodies[1] = pkm_dyn::InertialParameters::from_centre_of_mass(1e-12, nalgebra::Vector3::zeros(), nalgebra::Matrix3::identity() * 1e-12);
+    model.bodies[1] =
+        pkm_dyn::InertialParameters::from_centre_of_mass(1e-12, nalgebra::Vector3::zeros(), nalgebra::Matrix3::identity() * 1e-12);
     let (inertia, weight) = (0.01 + 0.16, 9.81 * 0.4);
-    for (integrator, tolerance) in [
-        (Integrator::RungeKutta, 1e-9),
-        (Integrator::Gauss, 1e-9),
-        (Integrator::Radau, 1e-7),
-        (Integrator::Moreau, 1e-5),
-    ] {
+    for (integrator, tolerance) in
+        [(Integrator::RungeKutta, 1e-9), (Integrator::Gauss, 1e-9), (Integrator::Radau, 1e-7), (Integrator::Moreau, 1e-5)]
+    {
         let start = 1.5;
         let mut plant = plant(&model, Vec::new(), &[start, 0.0], integrator);
         let (h, mut crossings) = (1e-3, Vec::new());

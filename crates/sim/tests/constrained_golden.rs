@@ -49,7 +49,8 @@ fn numbers(value: &Value) -> Vec<f64> {
 
 fn printed_friction() -> Vec<Applied> {
     let printed = [[56.3869, -2.8211], [-9.3843, -0.6755], [-0.0841, 0.0440]];
-    let at = |(j, [a, b]): (usize, [f64; 2])| Applied { site: pkm_dyn::effects::Site::Joint, ..Applied::at(&EVEN, j, vec![a, b, 0.0, 0.0]) };
+    let at =
+        |(j, [a, b]): (usize, [f64; 2])| Applied { site: pkm_dyn::effects::Site::Joint, ..Applied::at(&EVEN, j, vec![a, b, 0.0, 0.0]) };
     printed.into_iter().enumerate().map(at).collect()
 }
 
