@@ -12,16 +12,18 @@ use pkm_sim::{ConstrainedOptions, ConstrainedPlant, Integrator, Plant, ReducedPl
 /// Length of a step `[s]`: a control period.
 const STEP_S: f64 = 1e-3;
 
-/// Robots that move about the middle of their travel, on springs, under efforts of this share of their limits.
-const CASES: [(&str, f64); 4] = [("serial_arm", 0.4), ("five_bar", 0.3), ("prs3", 0.3), ("ups3_rpu1", 0.1)];
+/// Robots that move about the middle of their travel, on springs of this stiffness `[N/m | N·m/rad]`, under efforts of this share of their
+/// limits.
+const CASES: [(&str, f64, f64); 4] =
+    [("serial_arm", 400.0, 0.4), ("five_bar", 400.0, 0.3), ("prs3", 4000.0, 0.3), ("ups3_rpu1", 20_000.0, 0.1)];
 
 fn steps(c: &mut Criterion) {
     let mut group = c.benchmark_group("1 ms of motion");
-    for (name, share) in CASES {
+    for (name, stiffness, share) in CASES {
         let model = shipped(name).bare;
         let start = mid_pose(&model);
         let spring = |(&j, rest): (&usize, &f64)| {
-            let stated = [("stiffness".to_string(), 400.0), ("rest".to_string(), *rest)];
+            let stated = [("stiffness".to_string(), stiffness), ("rest".to_string(), *rest)];
             Applied::try_new(&model, "spring", &model.joints[j].name, &stated).expect("a spring at a drive")
         };
         let robot = || Robot::new(model.clone(), model.actuators.iter().zip(&start).map(spring).collect());

@@ -7,4 +7,5 @@ mod fixture;
 mod identify;
 mod mu;
 mod simulate;
+mod twin;
 mod verbs;
