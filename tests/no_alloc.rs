@@ -192,3 +192,22 @@ fn loop_mechanisms_of_every_shape_allocate_nothing() {
         assert_eq!(along_a_motion(&model, &mut draw), 0, "{shape:?}");
     }
 }
+
+#[test]
+fn a_step_of_the_constrained_plant_allocates_nothing_even_where_joints_stick_and_stops_are_struck() {
+    use pkm_sim::{ConstrainedOptions, ConstrainedPlant, Integrator, Plant};
+    let robot = pkm_robots::find("five_bar").expect("a shipped robot");
+    let description = pkm_dyn::urdf::parse(robot.toml, robot.urdf, [robot.toml_name, robot.urdf_name]).expect("it loads");
+    let start = pkm_dyn::loops::mid_pose(&description.robot.model);
+    for integrator in [Integrator::Auto, Integrator::Radau, Integrator::Moreau] {
+        let options = ConstrainedOptions { integrator, end_stops: Some(0.3), ..ConstrainedOptions::default() };
+        let mut plant = ConstrainedPlant::try_new(description.robot.clone(), &start, options).expect("it starts");
+        let work = || {
+            for k in 0..500 {
+                let push = if k / 50 % 2 == 0 { 8.0 } else { -8.0 };
+                plant.step(&[push, 0.6 * push], 1e-3).expect("it moves on");
+            }
+        };
+        assert_eq!(allocations(work), 0, "{integrator:?}");
+    }
+}

@@ -41,6 +41,7 @@ pub(crate) fn simulate(
         encoder_resolution: encoder_resolution.unwrap_or(usual.encoder_resolution),
         encoder_noise: encoder_noise.unwrap_or(usual.encoder_noise),
         effort_noise: effort_noise.unwrap_or(usual.effort_noise),
+        plant: pkm_sim::PlantKind::Auto,
     };
     let (truth, nominal) = (truth.get().description(), nominal.get().description());
     let mut signals = py.detach(|| pkm_sim::run(&truth.robot, &nominal.robot, &scenario, &mut |_| {})).map_err(|e| error::sim(&e))?;

@@ -86,7 +86,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let file = args.robot.display().to_string();
     let description = robot_file::read(&args.robot)?;
     check::must_assemble(&description.robot.model, &file)?;
-    let concealed = args.hide.iter().map(|text| hidden::parse("--hide", text, &description.robot.model)).collect::<anyhow::Result<Vec<_>>>()?;
+    let concealed =
+        args.hide.iter().map(|text| hidden::parse("--hide", text, &description.robot.model)).collect::<anyhow::Result<Vec<_>>>()?;
     reserve(args, &description)?;
     let (trajectory, duration_s) = args.motion.build(&description.robot.model, args.duration, args.seed)?;
     let scenario = scenario(args, duration_s)?;
@@ -118,13 +119,8 @@ fn reserve(args: &Args, description: &Description) -> anyhow::Result<()> {
 }
 
 fn scenario(args: &Args, duration_s: f64) -> anyhow::Result<Scenario> {
-    let mut scenario = Scenario {
-        seed: args.seed,
-        duration_s,
-        rate_hz: args.rate,
-        plant: args.plant.kind(args.seed)?,
-        ..Scenario::default()
-    };
+    let mut scenario =
+        Scenario { seed: args.seed, duration_s, rate_hz: args.rate, plant: args.plant.kind(args.seed)?, ..Scenario::default() };
     let Some(noise) = args.noise.as_deref() else { return Ok(scenario) };
     (scenario.encoder_resolution, scenario.encoder_noise, scenario.effort_noise) = (0.0, 0.0, 0.0);
     if noise == "none" {

@@ -93,7 +93,10 @@ impl ReducedPlant {
     /// Loops that do not close there, or drives that do not determine the motion.
     pub fn try_new(robot: Robot, q_act: &[f64]) -> Result<Self, SimError> {
         if let Some(effect) = robot.effects.iter().find(|e| has_states(&e.entry.law)) {
-            return Err(SimError::NoPlace { effect: effect.entry.name, problem: "the reduced plant has no state for it: use the constrained one" });
+            return Err(SimError::NoPlace {
+                effect: effect.entry.name,
+                problem: "the reduced plant has no state for it: use the constrained one",
+            });
         }
         let model = &robot.model;
         let mut data = Data::new(model);

@@ -59,7 +59,8 @@ impl Encoder {
     /// True position less reading, noise and counts apart, at the true position `q` `[m | rad]` and time `t` `[s]`.
     #[must_use]
     pub fn error(&self, q: f64, t: f64) -> f64 {
-        let periodic = |[amplitude, order, phase]: &[f64; 3]| if *amplitude == 0.0 { 0.0 } else { amplitude * math::sin(order * q + phase) };
+        let periodic =
+            |[amplitude, order, phase]: &[f64; 3]| if *amplitude == 0.0 { 0.0 } else { amplitude * math::sin(order * q + phase) };
         self.offset + self.periodic.iter().map(periodic).sum::<f64>() - self.drift * t
     }
 
@@ -96,7 +97,7 @@ pub(crate) fn add_noise(signal: &mut [f64], share: f64, random: &mut Random) {
 /// Root mean square; 0 of nothing.
 pub(crate) fn rms(signal: impl Iterator<Item = f64>) -> f64 {
     let (n, sum) = signal.fold((0.0, 0.0), |(n, sum), x| (n + 1.0, sum + x * x));
-    if n > 0.0 { pkm_dyn::math::sqrt(sum / n) } else { 0.0 }
+    if n > 0.0 { math::sqrt(sum / n) } else { 0.0 }
 }
 
 #[cfg(test)]

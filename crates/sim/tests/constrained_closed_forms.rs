@@ -37,9 +37,9 @@ fn geared(p: &[f64], s: &JointState) -> f64 {
     p[0] * s.a + p[1] * s.v + p[2] * s.sign
 }
 
-/// A force `a` of the environment along x from the first moment on.
-fn step_along_x(p: &[f64], _: &LinkState) -> [f64; 6] {
-    [-p[0], 0.0, 0.0, 0.0, 0.0, 0.0]
+/// A force `a` of the environment along x as soon as the motion has begun.
+fn step_along_x(p: &[f64], s: &LinkState) -> [f64; 6] {
+    [if s.time > 0.0 { -p[0] } else { 0.0 }, 0.0, 0.0, 0.0, 0.0, 0.0]
 }
 
 fn dahl_rate(p: &[f64], z: f64, v: f64) -> f64 {
@@ -54,14 +54,12 @@ fn dahl_effort(p: &[f64], z: f64, _: f64) -> f64 {
 fn a_pendulum_swings_with_the_period_of_the_elliptic_integral_whatever_the_rule() {
     let mut model = double_pendulum();
     // One pendulum: the lower link weighs next to nothing and hangs straight.
-    model.bodies[1] = pkm_dyn::InertialParameters::from_centre_of_mass(1e-12, nalgebra::Vector3::zeros(), nalgebra::Matrix3::identity() * 1e-12);
+    model.bodies[1] =
+        pkm_dyn::InertialParameters::from_centre_of_mass(1e-12, nalgebra::Vector3::zeros(), nalgebra::Matrix3::identity() * 1e-12);
     let (inertia, weight) = (0.01 + 0.16, 9.81 * 0.4);
-    for (integrator, tolerance) in [
-        (Integrator::RungeKutta, 1e-9),
-        (Integrator::Gauss, 1e-9),
-        (Integrator::Radau, 1e-7),
-        (Integrator::Moreau, 1e-5),
-    ] {
+    for (integrator, tolerance) in
+        [(Integrator::RungeKutta, 1e-9), (Integrator::Gauss, 1e-9), (Integrator::Radau, 1e-7), (Integrator::Moreau, 1e-5)]
+    {
         let start = 1.5;
         let mut plant = plant(&model, Vec::new(), &[start, 0.0], integrator);
         let (h, mut crossings) = (1e-3, Vec::new());
@@ -83,8 +81,8 @@ fn a_pendulum_swings_with_the_period_of_the_elliptic_integral_whatever_the_rule(
     }
 }
 
-/// Energy stays within 1e-8 of the largest kinetic energy, loops within 1e-9, for a minute at 0.5 ms.
-fn keeps_energy(mut plant: ConstrainedPlant, stored: &dyn Fn(&ConstrainedPlant) -> f64) {
+/// Energy stays within 1e-8 of what moves to and fro (at least `least` `[J]`), loops within 1e-9, for a minute at 0.5 ms.
+fn keeps_energy(mut plant: ConstrainedPlant, least: f64, stored: &dyn Fn(&ConstrainedPlant) -> f64) {
     let total = |plant: &mut ConstrainedPlant| plant.stored_energy().expect("it knows") + stored(plant);
     let at_rest = total(&mut plant);
     let still = plant.stored_energy().expect("it knows");
@@ -98,14 +96,16 @@ fn keeps_energy(mut plant: ConstrainedPlant, stored: &dyn Fn(&ConstrainedPlant) 
             gap = gap.max(plant.gap());
         }
     }
-    let motion = motion.max(1.0);
+    let motion = motion.max(least);
     assert!(drift < 1e-8 * motion && gap < 1e-9, "{}: {drift:e} J of {motion} J, gap {gap:e}", plant.robot().model.name);
 }
 
 #[test]
 fn energy_is_kept_for_a_minute() {
     let start = [2.0, -0.5];
-    keeps_energy(plant(&double_pendulum(), Vec::new(), &start, Integrator::RungeKutta), &|_| 0.0);
+    // Weight times height of both masses above their lowest place, at the start.
+    let fall = 9.81 * (0.4 * (1.0 - math::cos(2.0)) + 0.5 * (1.0 - math::cos(2.0)) + 0.4 * (1.0 - math::cos(1.5)));
+    keeps_energy(plant(&double_pendulum(), Vec::new(), &start, Integrator::RungeKutta), fall, &|_| 0.0);
     for (name, stiffness) in [("five_bar", 40.0), ("prs3", 3000.0)] {
         let model = frictionless(name);
         let middle = mid_pose(&model);
@@ -115,7 +115,7 @@ fn energy_is_kept_for_a_minute() {
         let energy = |plant: &ConstrainedPlant| -> f64 {
             plant.position().iter().zip(&middle).map(|(q, m)| 0.5 * stiffness * (q - m) * (q - m)).sum()
         };
-        keeps_energy(plant(&model, springs, &middle, Integrator::RungeKutta), &energy);
+        keeps_energy(plant(&model, springs, &middle, Integrator::RungeKutta), 0.1, &energy);
     }
 }
 
@@ -126,7 +126,7 @@ fn coulomb_and_viscous_friction_stop_a_block_where_and_when_the_closed_form_says
     model.joints[0].viscous = viscous;
     let stops_after = mass / viscous * math::ln(1.0 + viscous * v0 / level);
     let way = mass / viscous * (v0 - level / viscous * math::ln(1.0 + viscous * v0 / level));
-    for integrator in SMOOTH {
+    for (integrator, tolerance) in SMOOTH.into_iter().zip([1e-9, 1e-8, 1e-9]) {
         let mut plant = plant(&model, vec![coulomb(&model, "x1", level)], &[0.1], integrator);
         plant.set_velocity(&[v0]);
         let h = 4e-3;
@@ -134,9 +134,9 @@ fn coulomb_and_viscous_friction_stop_a_block_where_and_when_the_closed_form_says
             plant.step(&[0.0], h).unwrap();
             let t = plant.time().unwrap();
             let want = (v0 + level / viscous) * math::exp(-viscous * t / mass) - level / viscous;
-            assert!((plant.velocity()[0] - want.max(0.0)).abs() < 1e-9, "{integrator:?} at {t}");
+            assert!((plant.velocity()[0] - want.max(0.0)).abs() < tolerance, "{integrator:?} at {t}");
         }
-        assert!(plant.time().unwrap() - stops_after < h && (plant.position()[0] - 0.1 - way).abs() < 1e-9, "{integrator:?}");
+        assert!(plant.time().unwrap() - stops_after < h && (plant.position()[0] - 0.1 - way).abs() < tolerance, "{integrator:?}");
         let stopped = plant.position()[0];
         // Held exactly, and let go again above the level only.
         run(&mut plant, &[2.99], h, 200);
@@ -283,8 +283,10 @@ fn a_memory_yields_like_its_spring_and_holds_what_it_was_pushed_with() {
     }
     // Far above the level it slides with the rest.
     let mut plant = self::plant(&model, vec![Applied::at(&DAHL, 0, vec![stiffness, level, 0.0, 0.0])], &[0.0], Integrator::Auto);
-    run(&mut plant, &[20.0], 1e-3, 300);
-    assert!((plant.velocity()[0] - 0.3 * (20.0 - level) / 2.0).abs() < 0.02, "{}", plant.velocity()[0]);
+    run(&mut plant, &[20.0], 1e-3, 100);
+    let speed = plant.velocity()[0];
+    run(&mut plant, &[20.0], 1e-3, 200);
+    assert!((plant.velocity()[0] - speed - 0.2 * (20.0 - level) / 2.0).abs() < 1e-6, "{}", plant.velocity()[0]);
 }
 
 #[test]

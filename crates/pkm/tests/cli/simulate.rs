@@ -147,3 +147,35 @@ fn bad_input_is_refused_in_one_line() {
     assert!(!names(folder.path()).contains(&"B.mcap".to_string()));
     assert!(String::from_utf8(pkm(folder.path(), &["simulate", "--help"]).stdout).unwrap().contains("Examples:"));
 }
+
+#[test]
+fn each_plant_and_rule_moves_the_robot_alike_and_gives_the_same_bytes_twice() {
+    let folder = rig();
+    let column = |file: &str| -> Vec<f64> {
+        let (first, lines) = csv_lines(&folder.path().join(file));
+        let at = lines[first - 1].split(',').position(|name| name == "q.j1").unwrap();
+        lines[first..].iter().map(|line| line.split(',').nth(at).unwrap().parse().unwrap()).collect()
+    };
+    let base = ["simulate", "rig.toml", "--duration", "1", "--noise", "none", "--quiet", "--force", "--out"];
+    prints(folder.path(), &[&base[..], &["reduced.csv", "--plant", "reduced"]].concat());
+    let want = column("reduced.csv");
+    for rule in ["auto", "runge-kutta", "radau", "gauss", "moreau"] {
+        let flags = ["A.csv", "--plant", "constrained", "--integrator", rule, "--step", "2.5e-4", "--end-stops", "0.1"];
+        prints(folder.path(), &[&base[..], &flags].concat());
+        let bytes = fs::read(folder.path().join("A.csv")).unwrap();
+        prints(folder.path(), &[&base[..], &flags].concat());
+        assert_eq!(bytes, fs::read(folder.path().join("A.csv")).unwrap(), "{rule}");
+        let apart = want.iter().zip(column("A.csv")).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(apart < 1e-4, "{rule}: {apart:e} rad");
+    }
+}
+
+#[test]
+fn flags_of_the_other_plant_are_refused() {
+    let folder = rig();
+    let base = ["simulate", "rig.toml", "--out", "A.csv", "--duration", "1"];
+    refused(folder.path(), &[&base[..], &["--plant", "reduced", "--step", "1e-3"]].concat(), &["--step", "constrained"]);
+    refused(folder.path(), &[&base[..], &["--step", "0"]].concat(), &["--step", "must be a number > 0"]);
+    refused(folder.path(), &[&base[..], &["--end-stops", "2"]].concat(), &["--end-stops", "from 0 to 1"]);
+    refused(folder.path(), &[&base[..], &["--plant", "wooden"]].concat(), &["--plant", "wooden"]);
+}

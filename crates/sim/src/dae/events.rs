@@ -55,6 +55,8 @@ pub(crate) struct Stepper {
     rubs: Vec<bool>,
     pub(crate) sticks: Vec<bool>,
     before: State,
+    /// What stuck and touched, and where it slid, when the step began.
+    kept: ([Vec<bool>; 2], Vec<f64>),
 }
 
 impl Stepper {
@@ -66,6 +68,7 @@ impl Stepper {
             implicit: Implicit::new(system, state),
             moreau: Moreau::new(system, state, stops.len()),
             touches: vec![false; stops.len()],
+            kept: ([vec![true; n], vec![false; stops.len()]], vec![0.0; n]),
             stops,
             rubs: vec![false; n],
             sticks: vec![true; n],
@@ -90,9 +93,9 @@ impl Stepper {
         let mut left = h;
         for _ in 0..MAX_EVENTS {
             self.find_rubbing(system, state);
-            self.before.copy_from(state);
+            self.keep(system, state);
             self.part(system, state, push, left)?;
-            let Some(mut event) = self.first_event(system, state, 1.0) else {
+            let Some(mut event) = self.first_event(system, state) else {
                 advance_foreign(system, state, left);
                 return Ok(());
             };
@@ -166,7 +169,7 @@ impl Stepper {
     }
 
     /// The event that has happened by now, the one that overshot most as a share of its way if there are several.
-    fn first_event(&self, system: &System, state: &State, _share: f64) -> Option<Event> {
+    fn first_event(&self, system: &System, state: &State) -> Option<Event> {
         let mut first = (f64::INFINITY, None);
         let mut consider = |share: f64, event: Event| {
             if share < first.0 {
@@ -207,7 +210,6 @@ impl Stepper {
         let (mut low, mut high) = (0.0, 1.0);
         let mut above = self.measure(system, &self.before, *event).max(0.0);
         let mut below = self.measure(system, state, *event);
-        let modes = (self.sticks.clone(), self.touches.clone(), system.directions.clone());
         let mut share = 0.0;
         for tries in 0..MAX_SEARCHES {
             share = if above - below > 0.0 { low + (high - low) * above / (above - below) } else { low };
@@ -215,11 +217,11 @@ impl Stepper {
                 share = 0.5 * (low + high);
             }
             share = share.clamp(0.0, 1.0);
-            self.restore(system, state, &modes);
+            self.restore(system, state);
             if share > SHORTEST {
                 self.part(system, state, push, share * h)?;
             }
-            let other = self.first_event(system, state, share);
+            let other = self.first_event(system, state);
             if let Some(other) = other.filter(|other| other != event) {
                 (*event, high) = (other, share);
                 (low, above) = (0.0, self.measure(system, &self.before, other).max(0.0));
@@ -241,8 +243,17 @@ impl Stepper {
         Ok(share)
     }
 
-    fn restore(&mut self, system: &mut System, state: &mut State, (sticks, touches, directions): &(Vec<bool>, Vec<bool>, Vec<f64>)) {
+    fn keep(&mut self, system: &System, state: &State) {
+        self.before.copy_from(state);
+        let ([sticks, touches], directions) = &mut self.kept;
+        sticks.copy_from_slice(&self.sticks);
+        touches.copy_from_slice(&self.touches);
+        directions.copy_from_slice(&system.directions);
+    }
+
+    fn restore(&mut self, system: &mut System, state: &mut State) {
         state.copy_from(&self.before);
+        let ([sticks, touches], directions) = &self.kept;
         self.sticks.copy_from_slice(sticks);
         self.touches.copy_from_slice(touches);
         system.directions.copy_from_slice(directions);

@@ -216,9 +216,8 @@ fn insert(model: &mut Model, link: usize) -> usize {
     }
     let name = |k: usize| format!("{}.{}", model.links[link].name, ["x", "y", "z"][k]);
     let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
-    let travels: Vec<Joint> = (0..3)
-        .map(|k| Joint::new(name(k), JointKind::Prismatic, axes[k], if k == 0 { carrier } else { Some(at + k - 1) }))
-        .collect();
+    let travels: Vec<Joint> =
+        (0..3).map(|k| Joint::new(name(k), JointKind::Prismatic, axes[k], if k == 0 { carrier } else { Some(at + k - 1) })).collect();
     model.joints.splice(at..at, travels);
     model.assembly.splice(at..at, [0.0; 3]);
     for l in &mut model.links {

@@ -1,7 +1,7 @@
 //! Implicit rules of two stages between events, for effects too stiff for the explicit one: Radau IIA and Gauss.
 //!
 //! Unknowns are the independent coordinates, their velocities and the memories; loops are closed at every evaluation. Newton's matrix is
-//! by differences, once a step [HairerWanner1996, IV.8].
+//! by differences, once a step [Hairer1996, IV.8].
 
 use pkm_dyn::configuration::integrate;
 use pkm_dyn::constrained::project;
@@ -27,19 +27,15 @@ pub(crate) struct Rule {
     end: [f64; 2],
 }
 
-/// Order three, damps what is too fast for the step [HairerWanner1996, IV.5, table 5.5].
-pub(crate) const RADAU: Rule =
-    Rule { nodes: [1.0 / 3.0, 1.0], matrix: [[5.0 / 12.0, -1.0 / 12.0], [0.75, 0.25]], end: [0.0, 1.0] };
+/// Order three, damps what is too fast for the step [Hairer1996, IV.5, table 5.5].
+pub(crate) const RADAU: Rule = Rule { nodes: [1.0 / 3.0, 1.0], matrix: [[5.0 / 12.0, -1.0 / 12.0], [0.75, 0.25]], end: [0.0, 1.0] };
 
 /// √3 / 6.
 const ROOT: f64 = 0.288_675_134_594_812_9;
 
-/// Order four, keeps energy [HairerWanner1996, IV.5, table 5.1].
-pub(crate) const GAUSS: Rule = Rule {
-    nodes: [0.5 - ROOT, 0.5 + ROOT],
-    matrix: [[0.25, 0.25 - ROOT], [0.25 + ROOT, 0.25]],
-    end: [-6.0 * ROOT, 6.0 * ROOT],
-};
+/// Order four, keeps energy [Hairer1996, IV.5, table 5.1].
+pub(crate) const GAUSS: Rule =
+    Rule { nodes: [0.5 - ROOT, 0.5 + ROOT], matrix: [[0.25, 0.25 - ROOT], [0.25 + ROOT, 0.25]], end: [-6.0 * ROOT, 6.0 * ROOT] };
 
 /// Scratch of [`Implicit::step`].
 #[derive(Debug)]

@@ -64,7 +64,7 @@ impl Moreau {
     /// stiffness limits the step.
     #[must_use]
     pub(crate) fn step(&mut self, system: &mut System, state: &mut State, push: &[f64], h: f64, modes: &mut Modes) -> Option<()> {
-        self.to_middle(system, state, h)?;
+        self.find_middle(system, state, h)?;
         let n = self.before.len();
         for (k, &j) in system.data.independent.iter().enumerate() {
             self.before[k] = state.v[j];
@@ -128,7 +128,7 @@ impl Moreau {
         Some(())
     }
 
-    fn to_middle(&mut self, system: &mut System, state: &State, h: f64) -> Option<()> {
+    fn find_middle(&mut self, system: &mut System, state: &State, h: f64) -> Option<()> {
         let middle = &mut self.middle;
         middle.copy_from(state);
         middle.time += 0.5 * h;
@@ -163,14 +163,14 @@ impl Moreau {
 
     /// Levels of the joints that rub; efforts of those that only resist.
     fn resist(&mut self, system: &mut System, state: &State, h: f64, rubs: &[bool]) {
-        for r in 0..system.resisting.len() {
+        for (r, &rubs) in rubs.iter().enumerate() {
             let joint = system.resisting[r].joint;
             difference_row(system, joint, None, &mut self.row);
             let start = self.middle.v[joint];
             let contact = &mut self.contacts[r];
             contact.row.copy_from(&self.row);
             let at = system.joint_state(r, &self.middle, start, 0.0);
-            if rubs[r] {
+            if rubs {
                 let ahead = start + 0.5 * h * state.a[joint];
                 // Half a step ahead the velocity may have changed sign where it will in fact stop: stay on this side.
                 let speed = if start * ahead > 0.0 { ahead } else { start };

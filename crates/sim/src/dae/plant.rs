@@ -84,12 +84,7 @@ impl ConstrainedPlant {
     ///
     /// # Errors
     /// As [`ConstrainedPlant::try_new`]; a law at a joint that the robot does not have.
-    pub fn with_laws(
-        robot: Robot,
-        q_act: &[f64],
-        options: ConstrainedOptions,
-        laws: Vec<Box<dyn ForeignLaw>>,
-    ) -> Result<Self, SimError> {
+    pub fn with_laws(robot: Robot, q_act: &[f64], options: ConstrainedOptions, laws: Vec<Box<dyn ForeignLaw>>) -> Result<Self, SimError> {
         options.check()?;
         if laws.iter().any(|law| law.joint() >= robot.model.nv()) {
             return Err(SimError::NoPlace { effect: "law", problem: "the robot has no joint of that number" });

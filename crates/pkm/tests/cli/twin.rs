@@ -1,0 +1,43 @@
+//! `pkm twin`: a recording comes back, a concealed mass shows and is explained, what cannot be replayed is refused.
+
+use std::fs;
+
+use serde_json::Value;
+
+use crate::fixture::{prints, refused, rig};
+
+const MASS: &str = "payload@hand:mass=1.5,x=0.1";
+
+fn largest_share(told: &str) -> f64 {
+    let told: Value = serde_json::from_str(told).unwrap();
+    assert_eq!((&told["schema"], &told["robot"]), (&"pkm.twin/1".into(), &"rig".into()));
+    let joints = told["joints"].as_array().unwrap();
+    assert_eq!(joints.len(), 2);
+    let share = |j: &Value| j["effort"]["rms"].as_f64().unwrap() / j["effort"]["measured_rms"].as_f64().unwrap();
+    joints.iter().map(share).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_simulated_recording_comes_back_and_a_concealed_mass_shows_until_it_is_stated() {
+    let folder = rig();
+    let simulate = ["simulate", "rig.toml", "--duration", "2", "--noise", "none", "--out"];
+    prints(folder.path(), &[&simulate[..], &["well.csv"]].concat());
+    prints(folder.path(), &[&simulate[..], &["sick.csv", "--hide", MASS]].concat());
+    let twin = |arguments: &[&str]| prints(folder.path(), &[&["twin", "rig.toml", "--json", "--recording"], arguments].concat());
+    assert!(largest_share(&twin(&["well.csv"])) < 1e-6);
+    assert!(largest_share(&twin(&["sick.csv"])) > 0.05);
+    assert!(largest_share(&twin(&["sick.csv", "--with", MASS])) < 1e-6);
+    let told = prints(folder.path(), &["twin", "rig.toml", "--recording", "sick.csv", "--html", "twin.html"]);
+    assert!(told.starts_with("sick.csv: 2.000 s replayed") && told.contains("j2"), "{told}");
+    let page = fs::read_to_string(folder.path().join("twin.html")).unwrap();
+    assert!(page.contains("<svg") && page.contains("measured") && page.contains("simulated"));
+}
+
+#[test]
+fn what_cannot_be_replayed_is_refused() {
+    let folder = rig();
+    fs::write(folder.path().join("bare.csv"), "t,q.j1,q.j2,tau.j1,tau.j2\n0,0,0,0,0\n0.001,0,0,0,0\n0.002,0,0,0,0\n").unwrap();
+    refused(folder.path(), &["twin", "rig.toml", "--recording", "bare.csv"], &["bare.csv", "q_ref.j1"]);
+    refused(folder.path(), &["twin", "rig.toml", "--recording", "none.csv"], &["none.csv"]);
+    refused(folder.path(), &["twin", "rig.toml", "--recording", "bare.csv", "--with", "payload"], &["--with", "payload"]);
+}
