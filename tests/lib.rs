@@ -2,6 +2,8 @@
 
 extern crate alloc;
 
+pub mod closed_loop;
+
 use alloc::collections::BTreeMap;
 use core::ops::Range;
 

@@ -1,4 +1,4 @@
-//! Berghuis and Nijmeijer's velocity observer in its linear form \[Valera2017, eq. 14\]: the robot under computed torque is a double
+//! Berghuis and Nijmeijer's velocity observer in its linear form \[Berghuis1993; Valera2017, eq. 14\]: the robot under computed torque is a double
 //! integrator of the acceleration sent, and that is all the model there is.
 //!
 //! `q̂' = z + l_d·q̃`, `z' = a_cmd + l_p·q̃`, `q̃ = q_meas − q̂`; the estimate of the velocity is q̂', not z, and `a_cmd` is what the drives

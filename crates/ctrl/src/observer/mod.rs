@@ -12,6 +12,7 @@
 //! | [`Kalman`] | the acceleration sent, its error, the noise | position, velocity |
 //! | [`SuperTwisting`] | a bound of the acceleration | position, velocity |
 //! | [`CommandedAcceleration`] | the acceleration sent | position, velocity |
+//! | [`CommandedVelocity`] | the acceleration sent, and nothing measured | velocity |
 //! | [`ModelBased`] | the robot and the efforts sent | position, velocity, the model's pose |
 //! | [`ExtendedState`] | the acceleration sent; estimates what was missing in it | position, velocity, missing acceleration |
 //!
@@ -20,6 +21,7 @@
 
 mod alpha_beta;
 mod commanded_acceleration;
+mod commanded_velocity;
 mod extended_state;
 mod filtered_derivative;
 mod first_difference;
@@ -31,6 +33,7 @@ mod super_twisting;
 
 pub use alpha_beta::AlphaBeta;
 pub use commanded_acceleration::{CommandedAcceleration, Discretisation, Prediction};
+pub use commanded_velocity::CommandedVelocity;
 pub use extended_state::{ExtendedState, ExtendedStateEstimate, LinearEso};
 pub use filtered_derivative::FilteredDerivative;
 pub use first_difference::FirstDifference;

@@ -1,4 +1,4 @@
-//! Berghuis and Nijmeijer's velocity observer with the robot in it \[Valera2017, eq. 10\]:
+//! Berghuis and Nijmeijer's velocity observer with the robot in it \[Berghuis1993; Valera2017, eq. 10\]:
 //! `z' = M⁻¹·(tau − C(q, q̂')·q̂' − g − friction) + l_p·q̃`.
 //!
 //! It needs the efforts that acted, whoever computed them, and no acceleration: for robots under PID or PD.
