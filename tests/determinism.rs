@@ -2,7 +2,7 @@
 //!
 //! A change of the constant is a change of results: it needs a reason in the change log, not a new number here.
 
-use pkm_ctrl::catalogue::{ALL, Entry, every};
+use pkm_ctrl::catalogue::{ALL, Entry, Tuning, every};
 use pkm_ctrl::{Command, Input};
 use pkm_dyn::aba::aba;
 use pkm_dyn::constrained::forward_dynamics;
@@ -94,21 +94,22 @@ fn a_second_run_in_used_data_gives_the_same_bits() {
 
 /// Commands of every controller of the catalogue over 60 s of closed loop with the five-bar, 200 per second.
 const COMMANDS: [(&str, u64); ALL.len()] = [
-    ("pd_gravity", 0),
-    ("pd_model", 0),
-    ("pid", 0),
-    ("pid_clamping", 0),
-    ("computed_torque", 0),
-    ("computed_torque_dae", 0),
-    ("adrc", 0),
-    ("adrc_nonlinear", 0),
+    ("pd_gravity", 0xE82A_5C36_262F_C512),
+    ("pd_model", 0x5661_4A37_2F29_E21E),
+    ("pid", 0x83A2_D3A3_69C7_8526),
+    ("pid_clamping", 0x3A24_6D2F_F80B_E88D),
+    ("computed_torque", 0xE97A_534F_EB73_D47F),
+    ("computed_torque_dae", 0xD9C8_0C07_6287_8C5F),
+    ("adrc", 0x899E_F31A_542B_1518),
+    ("adrc_nonlinear", 0x7A5A_E08F_4A1C_6121),
 ];
 
 #[test]
 fn sixty_seconds_of_every_controller_have_the_same_bits_as_ever() {
     let robot = shipped_robot("five_bar");
     let motion = Sines::<2>::about_the_middle(&robot, 0.15);
-    let tuning = tuning::<2>(&robot, 20.0, 5e-3);
+    // The peaks of every effort are clipped: saturation and what follows it have their bits too.
+    let tuning = Tuning { tau_limit: [4.4; 2], ..tuning::<2>(&robot, 20.0, 5e-3) };
     let mut got: Vec<(&str, Fnv)> = Vec::new();
     let each = |entry: &'static Entry, _: u32, _: &Input<2>, command: &Command<2>| {
         if got.last().is_none_or(|last| last.0 != entry.name) {
