@@ -1,7 +1,7 @@
 //! Momentum observer in the coordinates of the drives: the effort on a closed-loop robot that its drives do not supply.
 //!
 //! With `p = M·v` and the loops' efforts gone, `p' = tau + tau_ext − nle + M'·v`; the observer is a low-pass of what is left,
-//! `r' = rate·(p' − tau + nle − M'·v − r)` \[DeLuca2005\], so `r = tau_ext·(1 − exp(−rate·t))` for a constant effort. Accelerations
+//! `r' = rate·(p' − tau + nle − M'·v − r)` \[Luca2005\], so `r = tau_ext·(1 − exp(−rate·t))` for a constant effort. Accelerations
 //! are not needed. Between two samples `p' − M'·v` is the mean mass matrix times the change of velocity, which is exact for the product;
 //! `nle`, friction included, is the mean of both ends.
 
