@@ -6,6 +6,8 @@ mod arceo2021;
 mod every;
 #[path = "controllers/linear_adrc.rs"]
 mod linear_adrc;
+#[path = "controllers/model_based.rs"]
+mod model_based;
 #[path = "controllers/momentum.rs"]
 mod momentum;
 #[path = "controllers/valera2017.rs"]
