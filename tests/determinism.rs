@@ -2,6 +2,8 @@
 //!
 //! A change of the constant is a change of results: it needs a reason in the change log, not a new number here.
 
+use pkm_ctrl::catalogue::{ALL, Entry, Tuning, every};
+use pkm_ctrl::{Command, Input};
 use pkm_dyn::aba::aba;
 use pkm_dyn::constrained::forward_dynamics;
 use pkm_dyn::crba::crba;
@@ -9,6 +11,7 @@ use pkm_dyn::inverse_dynamics::{actuated_regressor, inverse_dynamics, loop_effor
 use pkm_dyn::loops::assemble;
 use pkm_dyn::urdf::parse;
 use pkm_dyn::{Data, Model};
+use pkm_tests::closed_loop::{Runs, Sines, shipped_robot, tuning};
 use pkm_tests::{Draw, Motion};
 use serde::Deserialize;
 
@@ -87,4 +90,36 @@ fn a_second_run_in_used_data_gives_the_same_bits() {
     let mut hash = Fnv::new();
     hash.add(-0.0);
     assert_ne!(zero, hash.0, "the hash sees single bits");
+}
+
+/// Commands of every controller of the catalogue over 60 s of closed loop with the five-bar, 200 per second.
+const COMMANDS: [(&str, u64); ALL.len()] = [
+    ("pd_gravity", 0xE82A_5C36_262F_C512),
+    ("pd_model", 0x5661_4A37_2F29_E21E),
+    ("pid", 0x83A2_D3A3_69C7_8526),
+    ("pid_clamping", 0x3A24_6D2F_F80B_E88D),
+    ("computed_torque", 0xE97A_534F_EB73_D47F),
+    ("computed_torque_dae", 0xD9C8_0C07_6287_8C5F),
+    ("adrc", 0x899E_F31A_542B_1518),
+    ("adrc_nonlinear", 0x7A5A_E08F_4A1C_6121),
+];
+
+#[test]
+fn sixty_seconds_of_every_controller_have_the_same_bits_as_ever() {
+    let robot = shipped_robot("five_bar");
+    let motion = Sines::<2>::about_the_middle(&robot, 0.15);
+    // The peaks of every effort are clipped: saturation and what follows it have their bits too.
+    let tuning = Tuning { tau_limit: [4.4; 2], ..tuning::<2>(&robot, 20.0, 5e-3) };
+    let mut got: Vec<(&str, Fnv)> = Vec::new();
+    let each = |entry: &'static Entry, _: u32, _: &Input<2>, command: &Command<2>| {
+        if got.last().is_none_or(|last| last.0 != entry.name) {
+            got.push((entry.name, Fnv::new()));
+        }
+        let (_, hash) = got.last_mut().expect("just pushed");
+        command.tau.iter().for_each(|&tau| hash.add(tau));
+        hash.add(f64::from(u8::from(command.health.is_saturated) + 2 * u8::from(command.health.is_faulted)));
+    };
+    every(&robot, &tuning, &mut Runs { robot: &robot, motion: &motion, tuning, periods: 12_000, each }).expect("all can be built");
+    let got: Vec<(&str, u64)> = got.into_iter().map(|(name, hash)| (name, hash.0)).collect();
+    assert_eq!(got, COMMANDS, "{got:#018x?}");
 }

@@ -2,6 +2,9 @@
 
 extern crate alloc;
 
+#[path = "controllers/closed_loop.rs"]
+pub mod closed_loop;
+
 use alloc::collections::BTreeMap;
 use core::ops::Range;
 

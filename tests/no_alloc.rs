@@ -211,3 +211,98 @@ fn a_step_of_the_constrained_plant_allocates_nothing_even_where_joints_stick_and
         assert_eq!(allocations(work), 0, "{integrator:?}");
     }
 }
+
+// ---- tracking controllers and observers
+
+mod tracking {
+    use core::hint::black_box;
+
+    use pkm_ctrl::catalogue::{Entry, Visit, every};
+    use pkm_ctrl::observer::{
+        AlphaBeta, CommandedAcceleration, CommandedVelocity, Discretisation, ExtendedState, FilteredDerivative, FirstDifference, Kalman,
+        ModelBased, MomentumObserver, MomentumObserverConfig, SuperTwisting, VelocityObserver,
+    };
+    use pkm_ctrl::{ComputedTorque, ComputedTorqueConfig, Controller, Input};
+    use pkm_tests::closed_loop::{Sines, shipped_robot, tuning};
+
+    use super::allocations;
+
+    /// Steps from the first one on, saturated ones and the fault at the end among them.
+    fn steps<const N: usize, C: Controller<N>>(controller: &C, motion: &Sines<N>) -> usize {
+        let mut state = controller.at_rest();
+        allocations(|| {
+            for k in 0..200 {
+                let [q_ref, v_ref, mut a_ref] = motion.at(0.01 * f64::from(k));
+                if k > 150 {
+                    a_ref[0] = 1e6;
+                }
+                let q_meas = if k == 199 { [f64::NAN; N] } else { q_ref };
+                let input = Input { q_ref, v_ref, a_ref, ..Input::standing(q_meas, 0.01) };
+                black_box(controller.step(&mut state, &input).tau);
+            }
+        })
+    }
+
+    struct Count<'m, const N: usize>(&'m Sines<N>, usize);
+
+    impl<const N: usize> Visit<N> for Count<'_, N> {
+        fn visit<C: Controller<N>>(&mut self, entry: &'static Entry, controller: &C) {
+            assert_eq!(steps(controller, self.0), 0, "{}", entry.name);
+            self.1 += 1;
+        }
+    }
+
+    fn on<const N: usize>(name: &str) {
+        let robot = shipped_robot(name);
+        let motion = Sines::<N>::about_the_middle(&robot, 0.02);
+        let mut count = Count(&motion, 0);
+        every(&robot, &tuning::<N>(&robot, 20.0, 0.01), &mut count).expect("all can be built");
+        assert_eq!(count.1, pkm_ctrl::catalogue::ALL.len());
+    }
+
+    #[test]
+    fn steps_of_every_controller_allocate_nothing() {
+        on::<1>("motobotte");
+        on::<2>("five_bar");
+        on::<3>("prs3");
+        on::<4>("ups3_rpu1");
+        on::<4>("ups4");
+        on::<6>("serial_arm");
+    }
+
+    fn observed<const N: usize, O: VelocityObserver<N>>(observer: O, motion: &Sines<N>) -> usize {
+        let robot = shipped_robot("prs3");
+        let config = ComputedTorqueConfig::with_bandwidth(20.0, [1e4; N]);
+        let law = ComputedTorque::try_new(robot, observer, config).expect("the robot's drives");
+        steps(&law, motion)
+    }
+
+    #[test]
+    fn every_observer_allocates_nothing() {
+        let robot = shipped_robot("prs3");
+        let motion = Sines::<3>::about_the_middle(&robot, 0.02);
+        let (w, zoh) = ([40.0; 3], Discretisation::ZeroOrderHold);
+        let counts = [
+            observed(FirstDifference, &motion),
+            observed(FilteredDerivative::try_new([0.02; 3]).expect("good"), &motion),
+            observed(AlphaBeta::try_new(w).expect("good"), &motion),
+            observed(Kalman::try_new([1e-4; 3], w).expect("good"), &motion),
+            observed(SuperTwisting::try_new(w).expect("good"), &motion),
+            observed(CommandedAcceleration::try_new(w, zoh).expect("good"), &motion),
+            observed(CommandedVelocity, &motion),
+            observed(ExtendedState::try_new(w).expect("good"), &motion),
+            observed(ModelBased::try_new(robot.clone(), w, zoh).expect("good"), &motion),
+        ];
+        assert_eq!(counts, [0; 9]);
+        let config = MomentumObserverConfig { rate: w, threshold: [10.0; 3] };
+        let momentum = MomentumObserver::try_new(robot, config).expect("good");
+        let mut state = momentum.at_rest();
+        let count = allocations(|| {
+            for k in 0..100 {
+                let [q, v, _] = motion.at(0.01 * f64::from(k));
+                black_box(momentum.step(&mut state, [&q, &v, &[1.0; 3]], 0.01).tau_ext);
+            }
+        });
+        assert_eq!(count, 0);
+    }
+}

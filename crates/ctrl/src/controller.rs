@@ -45,7 +45,8 @@ impl<const N: usize> Input<N> {
 /// How a step went.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Health {
-    /// A number that was not finite came in, now or earlier: the command is the safe one until the state is made anew.
+    /// A number that was not finite came in, or the model's loops did not close, now or earlier: the command is the safe one until the
+    /// state is made anew.
     pub is_faulted: bool,
     /// At least one effort was clipped at its limit.
     pub is_saturated: bool,
@@ -55,7 +56,7 @@ pub struct Health {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[must_use]
 pub struct Command<const N: usize> {
-    /// Efforts for the drives `[N | N·m]`; always finite and inside their limits.
+    /// Efforts for the drives `[N | N·m]`, or voltages `[V]` where the controller says so; always finite and inside their limits.
     pub tau: [f64; N],
     /// How the step went.
     pub health: Health,
@@ -85,4 +86,46 @@ pub struct ConfigError {
     pub value: f64,
     /// What is allowed.
     pub limit: &'static str,
+}
+
+impl ConfigError {
+    /// Refuses the first of `values` that is not finite or below zero.
+    pub(crate) fn unless_non_negative(what: &'static str, values: &[f64]) -> Result<(), Self> {
+        Self::unless(what, values, "must be finite and >= 0", |x| x.is_finite() && x >= 0.0)
+    }
+
+    /// Refuses the first of `values` that is not finite or not above zero.
+    pub(crate) fn unless_positive(what: &'static str, values: &[f64]) -> Result<(), Self> {
+        Self::unless(what, values, "must be finite and > 0", |x| x.is_finite() && x > 0.0)
+    }
+
+    fn unless(what: &'static str, values: &[f64], limit: &'static str, is_good: impl Fn(f64) -> bool) -> Result<(), Self> {
+        match values.iter().position(|&x| !is_good(x)) {
+            Some(drive) => Err(Self { drive, what, value: values[drive], limit }),
+            None => Ok(()),
+        }
+    }
+}
+
+impl<const N: usize> Command<N> {
+    /// The safe command of a controller whose fault has latched.
+    pub(crate) fn faulted(tau: [f64; N]) -> Self {
+        Self { tau, health: Health { is_faulted: true, ..Health::default() } }
+    }
+}
+
+/// Whether every number of every signal is finite, and the period a positive number.
+pub(crate) fn are_usable<const N: usize>(signals: &[&[f64; N]], dt: f64) -> bool {
+    are_finite(signals) && dt.is_finite() && dt > 0.0
+}
+
+/// Whether every number of every signal is finite.
+pub(crate) fn are_finite<const N: usize>(signals: &[&[f64; N]]) -> bool {
+    signals.iter().flat_map(|signal| signal.iter()).all(|x| x.is_finite())
+}
+
+/// Every entry within plus and minus its limit, and whether one was outside.
+pub(crate) fn clipped<const N: usize>(wanted: &[f64; N], limit: &[f64; N]) -> ([f64; N], bool) {
+    let out: [f64; N] = core::array::from_fn(|k| wanted[k].clamp(-limit[k], limit[k]));
+    (out, (0..N).any(|k| wanted[k].abs() > limit[k]))
 }

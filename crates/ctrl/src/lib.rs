@@ -1,21 +1,42 @@
 //! Controllers: no allocation, no clock, no I/O, and a [`Controller::step`] that cannot fail.
 //!
 //! A controller's numbers live in it and never change; what changes from step to step lives in its state, outside. Numbers that are
-//! not finite latch a fault and the command becomes the safe one. Models of the robot are the caller's: what they say arrives as a
-//! feed-forward effort.
+//! not finite, and loops of the model that do not close, latch a fault and the command becomes the safe one. Controllers without a model
+//! of the robot take what one says as a feed-forward effort; those with one ([`computed_torque`]) keep its pose in their state, and find
+//! velocities by an [`observer`].
 //!
 //! Feature `design`: analysis of control loops on the desk (structured singular value), with std.
 #![no_std]
 
-#[cfg(feature = "design")]
 extern crate alloc;
 #[cfg(feature = "design")]
 extern crate std;
 
+pub mod adrc;
+pub mod catalogue;
+pub mod computed_torque;
+pub mod computed_torque_dae;
 pub mod controller;
 #[cfg(feature = "design")]
 pub mod design;
+mod drive_model;
+pub mod error_dynamics;
+pub mod filter;
+mod linear_system;
+pub mod observer;
 pub mod pd_gravity;
+pub mod pd_model;
+pub mod pid;
+pub mod tracking_differentiator;
 
+#[cfg(test)]
+mod computed_torque_tests;
+
+pub use adrc::{Adrc, AdrcConfig, AdrcState};
+pub use computed_torque::{ComputedTorque, ComputedTorqueConfig, ComputedTorqueState, FrictionVelocity};
+pub use computed_torque_dae::{ComputedTorqueDae, ComputedTorqueDaeConfig, ComputedTorqueDaeState};
 pub use controller::{Command, ConfigError, Controller, Health, Input};
+pub use error_dynamics::ErrorGains;
 pub use pd_gravity::{PdGravity, PdGravityConfig, PdGravityState};
+pub use pd_model::{PdModel, PdModelConfig, PdModelState};
+pub use pid::{AntiWindup, Pid, PidConfig, PidState};

@@ -2,18 +2,25 @@
 //! (the program).
 #![cfg_attr(not(test), no_std)]
 
+extern crate alloc;
+
+use alloc::vec::Vec;
+
 use nalgebra::Vector3;
+use pkm_ctrl::catalogue::{Drives, Entry, Tuning, Visit, every};
 use pkm_ctrl::{Controller, Input, PdGravity, PdGravityConfig, PdGravityState};
 use pkm_dyn::aba::aba;
 use pkm_dyn::constrained::forward_dynamics;
+use pkm_dyn::effects::Robot;
 use pkm_dyn::inverse_dynamics::{inverse_dynamics, loop_efforts};
 use pkm_dyn::model::{JointKind, LoopClosure, ModelBuilder};
 use pkm_dyn::rnea::rnea;
 use pkm_dyn::spatial::Pose;
 use pkm_dyn::{Data, InertialParameters, Model, math};
 
-/// What is computed, in this order, by a build with std: functions, efforts of a robot, commands of a controller, dynamics of loops.
-pub const HASHES: [u64; 4] = [0xA275_0160_F27C_64BD, 0x593C_9380_D97B_7D46, 0x9704_9E06_D886_3072, 0x31F0_BAAA_3731_B3F3];
+/// What is computed, in this order, by a build with std: functions, efforts of a robot, commands of a controller, dynamics of loops,
+/// commands of every controller of the catalogue.
+pub const HASHES: [u64; 5] = [0xA275_0160_F27C_64BD, 0x593C_9380_D97B_7D46, 0x9704_9E06_D886_3072, 0x31F0_BAAA_3731_B3F3, 0];
 
 /// FNV-1a over the bits of numbers.
 struct Fnv(u64);
@@ -137,6 +144,59 @@ pub fn loops(model: &Model, data: &mut Data) -> u64 {
     hash.0
 }
 
+/// Runs the mechanism of [`crank`] under every controller it visits.
+struct Turns<'m> {
+    model: &'m Model,
+    /// Memory used so far, by which an allocation in the loop is noticed.
+    used: fn() -> usize,
+    has_allocated: bool,
+    hash: Fnv,
+}
+
+const DT: f64 = 1e-3;
+
+impl Visit<1> for Turns<'_> {
+    fn visit<C: Controller<1>>(&mut self, entry: &'static Entry, controller: &C) {
+        let (mut state, mut data) = (controller.at_rest(), Data::new(self.model));
+        if !pkm_dyn::loops::assemble(self.model, &mut data).is_closed {
+            return;
+        }
+        let mut v = 0.0;
+        let (mut u, before) = (0.0, (self.used)());
+        for k in 0..3000 {
+            let t = DT * f64::from(k);
+            let input = Input {
+                q_ref: [0.6 * math::sin(2.0 * t)],
+                v_ref: [1.2 * math::cos(2.0 * t)],
+                a_ref: [-2.4 * math::sin(2.0 * t)],
+                ..Input::standing([data.q[0]], DT)
+            };
+            let command = controller.step(&mut state, &input).tau[0];
+            self.hash.add(command);
+            let tau = if entry.drives == Drives::Voltage { (command - u) / DT } else { command };
+            u = command;
+            let turn = data.q[0];
+            let _ = inverse_dynamics(self.model, &mut data, &[turn], &[v], &[0.0]);
+            let (q, v_tree) = ([data.q[0], data.q[1], data.q[2]], [data.v[0], data.v[1], data.v[2]]);
+            let _ = forward_dynamics(self.model, &mut data, &q, &v_tree, &[tau, 0.0, 0.0]);
+            v += DT * data.a[0];
+            let next = turn + DT * v;
+            let _ = pkm_dyn::loops::solve_positions(self.model, &mut data, &[next]);
+        }
+        self.has_allocated |= (self.used)() != before;
+    }
+}
+
+/// Commands of every controller of the catalogue, and whether one of them allocated while it ran by what `used` says of memory; `None`
+/// never happens.
+pub fn tracking(model: &Model, used: fn() -> usize) -> Option<(u64, bool)> {
+    let robot = Robot::new(model.clone(), Vec::new());
+    let tuning = Tuning { bandwidth: 25.0, dt: DT, tau_limit: [40.0], b0: [1.0], u_limit: [1e3] };
+    let mut turns = Turns { model, used, has_allocated: false, hash: Fnv::new() };
+    every(&robot, &tuning, &mut turns).ok()?;
+    Some((turns.hash.0, turns.has_allocated))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -150,7 +210,8 @@ mod tests {
         let mut assembled = Data::new(&mechanism);
         assert!(pkm_dyn::loops::assemble(&mechanism, &mut assembled).is_closed);
         let moved = loops(&mechanism, &mut assembled);
-        let got = [functions(), efforts(&model, &mut Data::new(&model)), commands().expect("good gains"), moved];
+        let (tracked, _) = tracking(&mechanism, || 0).expect("every controller can be built");
+        let got = [functions(), efforts(&model, &mut Data::new(&model)), commands().expect("good gains"), moved, tracked];
         assert_eq!(got, HASHES, "{got:#018X?}");
     }
 }

@@ -1,6 +1,6 @@
 //! The proof: no std, no C library, no start-up code. Exit status 0 when every number has the bits it has with std.
 //!
-//! 1 to 4: functions, efforts, commands, dynamics of loops differ; 8: the loop allocated memory; 9: a robot or controller was refused;
+//! 1 to 5: functions, efforts, commands, dynamics of loops, every controller's commands differ; 8: the loop allocated memory; 9: a robot or controller was refused;
 //! 101: a panic.
 #![no_std]
 #![no_main]
@@ -12,7 +12,7 @@ use core::cell::UnsafeCell;
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicUsize, Ordering};
 
-use nostd_proof::{HASHES, commands, crank, efforts, functions, loops, robot};
+use nostd_proof::{HASHES, commands, crank, efforts, functions, loops, robot, tracking};
 use pkm_dyn::Data;
 use pkm_dyn::loops::assemble;
 
@@ -55,10 +55,13 @@ fn verdict() -> i32 {
     if !assemble(&mechanism, &mut assembled).is_closed {
         return 9;
     }
-    let used = MEMORY.used.load(Ordering::Relaxed);
+    let memory = || MEMORY.used.load(Ordering::Relaxed);
+    // Controllers with a model allocate while they are built: they watch the memory themselves.
+    let Some((tracked, has_allocated)) = tracking(&mechanism, memory) else { return 9 };
+    let used = memory();
     let Some(commands) = commands() else { return 9 };
-    let got = [functions(), efforts(&model, &mut data), commands, loops(&mechanism, &mut assembled)];
-    if MEMORY.used.load(Ordering::Relaxed) != used {
+    let got = [functions(), efforts(&model, &mut data), commands, loops(&mechanism, &mut assembled), tracked];
+    if has_allocated || memory() != used {
         return 8;
     }
     // `black_box`: the comparison must be made here, not by the compiler.
