@@ -4,10 +4,11 @@
 //! not finite latch a fault and the command becomes the safe one. Models of the robot are the caller's: what they say arrives as a
 //! feed-forward effort.
 //!
-//! Feature `design`: analysis of control loops on the desk (structured singular value), with std.
+//! Motion: [`pd_gravity`]. Contact: [`force`], and [`exercise`] for what a patient does with it. Around any of them: [`limits`].
+//!
+//! Feature `design`: work on the desk (discretisation, gains, margins, structured singular value), with std.
 #![no_std]
 
-#[cfg(feature = "design")]
 extern crate alloc;
 #[cfg(feature = "design")]
 extern crate std;
@@ -15,7 +16,13 @@ extern crate std;
 pub mod controller;
 #[cfg(feature = "design")]
 pub mod design;
+pub mod exercise;
+pub mod fault;
+pub mod force;
+pub mod limits;
 pub mod pd_gravity;
 
 pub use controller::{Command, ConfigError, Controller, Health, Input};
+pub use fault::{Acted, Fault, FaultCode, Limit};
+pub use limits::Limited;
 pub use pd_gravity::{PdGravity, PdGravityConfig, PdGravityState};
