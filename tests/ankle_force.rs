@@ -8,11 +8,11 @@ mod ankle;
 
 use ankle::{DT, K_D, PROPOSED, force_loop, jacobian, surroundings};
 use nalgebra::{DMatrix, DVector};
-use pkm_ctrl::design::force_loop::{Direction, DriveTrain};
+use pkm_ctrl::design::force_loop::{Direction, DriveTrain, ForceLoop, Sampling, Weights};
 use pkm_ctrl::design::margin::spectral_radius;
 use pkm_ctrl::design::schedule::{Sample, fit};
-use pkm_ctrl::force::gains::{Decoupling, Square, decoupling, directional, room};
-use pkm_ctrl::force::{ActuatorForce, ActuatorForceConfig, ForceLaw, GainCurve, LinearTask, TaskMap};
+use pkm_ctrl::force::gains::{Decoupling, Forward, Square, decoupling, directional, room};
+use pkm_ctrl::force::{ActuatorForce, ActuatorForceConfig, ForceLaw, GainCurve, LinearTask, PlatformTask, Task, TaskMap};
 use pkm_ctrl::{Controller, Input};
 use pkm_dyn::math;
 use pkm_tests::Draw;
@@ -54,12 +54,8 @@ fn the_model_has_22_26_and_30_states_and_the_computed_trace() {
 /// [McDaid] Table 8.5, with the gains that this set of parameters makes of it.
 #[test]
 fn uniform_gains_of_10_and_16_are_unstable_and_both_proposed_ones_stable() {
-    let table = [
-        ([10.0; 4], 0.0, 1.001_813),
-        ([16.0; 4], K_D, 1.000_476),
-        (PROPOSED, K_D, 0.995_433),
-        ([14.0, 18.0, 60.0, 14.0], K_D, 0.998_571),
-    ];
+    let table =
+        [([10.0; 4], 0.0, 1.001_813), ([16.0; 4], K_D, 1.000_476), (PROPOSED, K_D, 0.995_433), ([14.0, 18.0, 60.0, 14.0], K_D, 0.998_571)];
     for (k, derivative, want) in table {
         let model = force_loop([0.0; 3], derivative);
         let found = model.spectral_radius(&model.gain(|i| k[i])).expect("a gain");
@@ -128,6 +124,25 @@ fn commanded_forces_are_met_in_every_direction() {
     assert!((C * settled - DMatrix::identity(4, 4)).norm() < 1e-7);
 }
 
+#[test]
+fn the_system_of_the_robustness_analysis_has_the_poles_of_the_loop() {
+    let t = [0.1, -0.05, 0.2];
+    let model = force_loop(t, K_D);
+    let K = model.gain(|i| PROPOSED[i]);
+    let weights = Weights { inertia: 0.002, damping: 0.1, stiffness: 0.1 };
+    let pulled_out = model.uncertain(&K, &ankle::rotation(t), weights).expect("a system");
+    assert!((1.0 - pulled_out.stability().expect("states").1 - model.spectral_radius(&K).expect("a gain")).abs() < 1e-10);
+    // A stiffness that is a tenth larger is the full block 0.1·I closed around its channel: the same poles as a loop built with it.
+    let mut stiffer = surroundings();
+    stiffer.stiffness *= 1.1;
+    let sampling = Sampling { dt: DT, derivative: K_D };
+    let built = ForceLoop::try_new(DriveTrain::ANKLE, stiffer, jacobian(t), sampling).expect("a model");
+    // Sampled between zero-order holds the two differ by what the hold leaves out.
+    let [A, B, C, _] = pulled_out.matrices();
+    let closed = A + B.columns(6, 3) * C.rows(6, 3);
+    assert!((spectral_radius(&closed) - built.spectral_radius(&K).expect("a gain")).abs() < 2e-4);
+}
+
 // ---- gain matrices
 
 struct Drawn {
@@ -181,7 +196,7 @@ fn identities_of_the_decoupling_observer_hold() {
     assert!((&d.D * &d.v0 - &d.v0).norm() < 1e-12 && (d.J.transpose() * d.pinv.transpose() - DMatrix::identity(3, 3)).norm() < 1e-12);
     // (8.9) with the law of (8.8): disturbances are left with 1 − K_f, not 1 + K_f.
     let share = 0.8;
-    let [G, H] = observer(Decoupling { share, power: 1.0, null_share: 0.0, apparent_mass: d.m_a });
+    let [G, H] = observer(Decoupling { share, power: 1.0, null_share: 0.0, apparent_mass: d.m_a, forward: Forward::Moving });
     assert!((&G - left.clone() / (1.0 - share)).norm() < 1e-10 * G.norm() && (&H - &left * 4.0).norm() < 1e-10 * H.norm());
     let closed = (&left + &H).lu().solve(&(&G * &commanded + &push - &drag)).expect("regular");
     let equation = &commanded + ((&I - &d.D) * d.pinv.transpose() * &moments - &d.D * &drag) * (1.0 - share);
@@ -209,9 +224,11 @@ fn the_internal_force_has_gain_one_and_partial_decoupling_keeps_the_static_force
     let d = drawn();
     let left = d.D.clone().try_inverse().expect("regular");
     for (power, null_share) in [(1.0, 0.7), (0.5, 0.0), (0.0, 0.7), (0.5, 0.9)] {
-        let [G, H] = observer(Decoupling { share: 0.8, power, null_share, apparent_mass: d.m_a });
+        let [G, H] = observer(Decoupling { share: 0.8, power, null_share, apparent_mass: d.m_a, forward: Forward::Moving });
         let static_gain = (&left + &H).lu().solve(&G).expect("regular");
         assert!((&static_gain - DMatrix::identity(4, 4)).norm() < 1e-10, "{power} {null_share}");
+        let [held, same] = observer(Decoupling { share: 0.8, power, null_share, apparent_mass: d.m_a, forward: Forward::Holding });
+        assert!((&held - &same - DMatrix::identity(4, 4)).norm() < 1e-9 * H.norm() && (same - &H).norm() < 1e-12 * H.norm());
         let along = (d.v0.transpose() * &H * &d.v0)[(0, 0)];
         assert!((along - (4.0 + null_share / (1.0 - null_share))).abs() < 1e-9, "{along}");
         // H is the power: H² is D⁻¹ for n = 1/2, up to the shares.
@@ -233,6 +250,28 @@ fn directional_gains_are_those_of_the_desk() {
         assert!((&K - &desk).norm() < 1e-10 * desk.norm(), "{degrees:?}\n{K}{desk}");
     }
     assert!(spectral_radius(&matrix(&drawn().rows)) < 0.1);
+}
+
+/// The shipped robot's model gives the gains that its closed-form Jacobian does.
+#[test]
+fn a_task_of_the_robots_model_is_the_closed_form() {
+    let shipped = pkm_robots::find("ups4").expect("a shipped robot");
+    let model = pkm_dyn::urdf::parse(shipped.toml, shipped.urdf, [shipped.toml_name, shipped.urdf_name]).expect("it reads").bare;
+    let output = pkm_dyn::loops::Output::evident(&model).expect("a platform");
+    let map: PlatformTask<3> = PlatformTask::try_new(model, output, [3, 4, 5], 1.0).expect("three freedoms");
+    let mut state = TaskMap::<4, 3>::at_rest(&map);
+    for degrees in [[0.0; 3], [10.0, 5.0, -4.0], [-20.0, 10.0, 15.0]] {
+        let t = degrees.map(f64::to_radians);
+        let q: [f64; 4] = map.drives(&mut state, &t).expect("within reach");
+        let task: Task<4, 3> = map.at(&mut state, &q).expect("the loops close");
+        let J = jacobian(t);
+        let found = DMatrix::from_fn(4, 3, |i, k| task.inverse_jacobian[i][k]);
+        assert!((0..3).all(|k| (task.x[k] - t[k]).abs() < 1e-9) && (&found - &J).norm() < 1e-9, "{degrees:?}\n{found}{J}");
+        let least = J.singular_values().min();
+        assert!((task.margin - least).abs() < 1e-9, "{} {least}", task.margin);
+        let back = DMatrix::from_fn(3, 4, |k, i| task.jacobian[k][i]);
+        assert!((back - J.pseudo_inverse(1e-12).expect("a Jacobian")).norm() < 1e-7);
+    }
 }
 
 // ---- the controller in the loop
@@ -294,14 +333,16 @@ struct Run {
     reach: f64,
 }
 
-/// Ten seconds of a foot that moves in all directions, most in flexion, while forces are commanded.
-fn run(k: [f64; 4], commanded: [f64; 4], coulomb: f64, user: f64) -> Run {
+/// Ten seconds of a foot that moves in all directions, most in flexion, while forces are commanded: `user` is the largest moment `[N·m]`,
+/// `pace` how fast it changes against one turn in two seconds.
+fn run(k: [f64; 4], commanded: [f64; 4], coulomb: f64, [user, pace]: [f64; 2]) -> Run {
     let (controller, mut twin, J) = (controller(k), Twin::new(coulomb), jacobian([0.0; 3]));
     let mut state = controller.at_rest();
     let (mut force, mut moment, mut reach, mut count) = ([0.0; 4], [0.0; 3], 0.0_f64, 0.0);
     for k in 0..5000 {
         let t = DT * f64::from(k);
-        let push = [math::sin(3.0 * t), 0.4 * math::sin(4.1 * t + 0.5), 0.3 * math::sin(2.3 * t + 1.0)].map(|m| user * m);
+        let p = pace * t;
+        let push = [math::sin(3.0 * p), 0.4 * math::sin(4.1 * p + 0.5), 0.3 * math::sin(2.3 * p + 1.0)].map(|m| user * m);
         let measured = twin.force();
         let input = Input { tau_meas: measured, tau_ff: commanded, ..Input::standing([0.0; 4], DT) };
         let command = controller.step(&mut state, &input);
@@ -324,8 +365,8 @@ fn run(k: [f64; 4], commanded: [f64; 4], coulomb: f64, user: f64) -> Run {
 #[test]
 fn the_proposed_gains_let_the_foot_move_the_robot_with_smaller_force_errors() {
     let internal = drawn_internal(60.0);
-    let uniform = run([5.0; 4], internal, 20.0, 12.0);
-    let proposed = run(PROPOSED, internal, 20.0, 12.0);
+    let uniform = run([5.0; 4], internal, 20.0, [12.0, 1.0]);
+    let proposed = run(PROPOSED, internal, 20.0, [12.0, 1.0]);
     println!("uniform 5: {:.2?} N, {:.3?} N·m, reach {:.3} rad", uniform.force, uniform.moment, uniform.reach);
     println!("proposed:  {:.2?} N, {:.3?} N·m, reach {:.3} rad", proposed.force, proposed.moment, proposed.reach);
     let better = (0..4).filter(|&k| proposed.force[k] < 0.7 * uniform.force[k]).count();
@@ -345,24 +386,22 @@ fn drawn_internal(size: f64) -> [f64; 4] {
     core::array::from_fn(|k| size * v0[k])
 }
 
-/// Acceptance 7: what friction leaves of a commanded moment does not depend on the moment.
+/// Acceptance 7: a commanded moment is held while the foot moves slowly. What friction leaves of it does not depend on the moment.
 #[test]
-fn the_moment_error_is_frictions_and_the_same_at_every_commanded_moment() {
-    let J = jacobian([0.0; 3]);
-    let pinv = J.clone().pseudo_inverse(1e-12).expect("a Jacobian");
-    let errors = [4.0, 8.0, 12.0].map(|level| {
+fn the_moment_error_is_the_same_at_every_commanded_moment_and_friction_has_a_share_in_it() {
+    let pinv = jacobian([0.0; 3]).pseudo_inverse(1e-12).expect("a Jacobian");
+    let error = |level: f64, coulomb: f64| {
         let F = pinv.transpose() * DVector::from_vec(vec![level, 0.0, 0.0]);
         let internal = drawn_internal(60.0);
-        run(PROPOSED, core::array::from_fn(|k| internal[k] + F[k]), 20.0, 12.0).moment[0]
-    });
-    println!("x moment error {errors:.4?} N·m at 4, 8 and 12 N·m commanded");
-    let (least, most) = errors.iter().fold((f64::INFINITY, 0.0_f64), |(l, m), e| (l.min(*e), m.max(*e)));
-    assert!(most < 1.1 * least, "{errors:?}");
-    let without = {
-        let F = pinv.transpose() * DVector::from_vec(vec![8.0, 0.0, 0.0]);
-        let internal = drawn_internal(60.0);
-        run(PROPOSED, core::array::from_fn(|k| internal[k] + F[k]), 0.0, 12.0).moment[0]
+        run(PROPOSED, core::array::from_fn(|k| internal[k] + F[k]), coulomb, [6.0, 0.1]).moment[0]
     };
-    println!("without Coulomb friction {without:.4} N·m");
-    assert!(without < least);
+    let errors = [4.0, 8.0, 12.0].map(|level| error(level, 20.0));
+    let (without, tenfold) = (error(8.0, 0.0), error(8.0, 200.0));
+    println!(
+        "x moment error {errors:.4?} N·m rms at 4, 8 and 12 N·m; {without:.4} without Coulomb friction, {tenfold:.4} with 200 N of it"
+    );
+    let (least, most) = errors.iter().fold((f64::INFINITY, 0.0_f64), |(l, m), e| (l.min(*e), m.max(*e)));
+    assert!(most < 1.02 * least, "{errors:?}");
+    // The loop divides friction by one and its gain: 20 N in each rod are felt as two tenths of a newton metre, not as the paper's 1.5.
+    assert!(least > 1.2 * without && most < 2.0 * without && tenfold > 2.0 * most, "{errors:?} {without} {tenfold}");
 }

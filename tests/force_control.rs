@@ -2,7 +2,9 @@
 
 use nalgebra::Vector3;
 use pkm_ctrl::exercise::{Channel, Exercise, ExerciseConfig, Phase, Script, Wave};
-use pkm_ctrl::force::{Admittance, AdmittanceConfig, ForcePidConfig, Hybrid, HybridConfig, Impedance, ImpedanceConfig, PlatformTask, TaskMap};
+use pkm_ctrl::force::{
+    Admittance, AdmittanceConfig, ForcePidConfig, Hybrid, HybridConfig, Impedance, ImpedanceConfig, PlatformTask, TaskMap,
+};
 use pkm_ctrl::{Command, Controller, Input, PdGravity, PdGravityConfig, PdGravityState};
 use pkm_dyn::inverse_dynamics::inverse_dynamics;
 use pkm_dyn::loops::{Output, assemble, output_jacobian};
@@ -162,7 +164,8 @@ fn the_task_of_the_model_is_equation_15s() {
             assert!((slope - here.inverse_jacobian[i][k]).abs() < 1e-5, "({i}, {k}): {slope} {here:?}");
         }
     }
-    assert!(map.drives(&mut state, &[here.x[0] + 3.0, 0.0, 0.0]).is_none());
+    let beyond: Option<[f64; 3]> = map.drives(&mut state, &[here.x[0], 2.0, 0.0]);
+    assert!(beyond.is_none());
     // Work of a moment is the same in angles and in space.
     let model = map.model().clone();
     let mut data = Data::new(&model);
@@ -236,7 +239,8 @@ fn the_exercise_of_two_stages_is_followed_without_a_jump() {
         let t = DT * f64::from(k);
         if k == 850 {
             let z = world.pose()[0];
-            assert!((z - high).abs() < 5e-4, "the height is reached: {z} of {high}");
+            // Coulomb friction of 30 N is 2.8 mm of the position loop's 10.6 kN/m.
+            assert!((z - high).abs() < 2.8e-3, "the height is reached: {z} of {high}");
             world.foot = [5000.0, 50.0, z];
         }
         let command = controller.step(&mut state, &world.input());

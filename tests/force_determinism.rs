@@ -34,14 +34,26 @@ fn minute(which: usize) -> (&'static str, u64, f64) {
     (name, hash.0, fastest)
 }
 
-const HASHES: [u64; 10] = [0; 10];
+/// In the order of `all`; limits that do not act change no bit, so that the last is the second.
+const HASHES: [u64; 10] = [
+    0x2EFD_0CAE_A04D_3033,
+    0x9310_4EC5_8A8B_3BC2,
+    0x3157_36C0_25A0_15AF,
+    0x17C2_04C9_4B3D_B16F,
+    0x2BBF_E0BE_D6AC_277A,
+    0xFDB2_5C54_1F5E_B51B,
+    0x8D47_F1BD_1015_FEAB,
+    0x753C_1E6B_7BC7_2469,
+    0xBE86_1040_F6FA_6C8F,
+    0x9310_4EC5_8A8B_3BC2,
+];
 
 #[test]
 fn a_minute_of_every_controller_has_the_same_bits_as_ever() {
     let runs: Vec<(&str, u64, f64)> = (0..all().len()).map(minute).collect();
     for (name, hash, fastest) in &runs {
         println!("{name}: {hash:#018X}, fastest {fastest:.3} m/s");
-        assert!(*fastest < 1.0, "{name} runs away: {fastest} m/s");
+        assert!(*fastest < 0.2, "{name} runs away: {fastest} m/s");
     }
     let got: Vec<u64> = runs.iter().map(|run| run.1).collect();
     assert_eq!(got, HASHES, "{got:#018X?}");

@@ -1,7 +1,7 @@
 //! Every controller of contact, one of each kind on three drives that carry a platform, and a platform to run them on.
 
 use pkm_ctrl::exercise::{Assistance, Channel, Exercise, ExerciseConfig, Phase, Resistance, Script, Wave};
-use pkm_ctrl::force::gains::Decoupling;
+use pkm_ctrl::force::gains::{Decoupling, Forward};
 use pkm_ctrl::force::{
     ActuatorForce, ActuatorForceConfig, Admittance, AdmittanceConfig, ExplicitForce, ExplicitForceConfig, ForceLaw, ForcePidConfig,
     GainCurve, Hybrid, HybridConfig, Impedance, ImpedanceConfig, JointTask, LinearTask, TaskMap,
@@ -119,14 +119,8 @@ pub(crate) fn all() -> Vec<(&'static str, Box<dyn Running>)> {
     let explicit = ExplicitForceConfig { pid, tau_limit: [1500.0; 3] };
     let hybrid = HybridConfig { selection: [1.0, 0.0, 0.0], pid: force_pid(), travel: [0.1; 3], margin: 1e-3 };
     let hybrid = || Hybrid::try_new(task(), position(), hybrid).expect("numbers in range");
-    let yielding = AdmittanceConfig {
-        mass: [20.0; 3],
-        damping: [400.0; 3],
-        stiffness: [2000.0; 3],
-        travel: [0.05; 3],
-        speed: [0.2; 3],
-        dt: DT,
-    };
+    let yielding =
+        AdmittanceConfig { mass: [20.0; 3], damping: [400.0; 3], stiffness: [2000.0; 3], travel: [0.05; 3], speed: [0.2; 3], dt: DT };
     let stiff = ImpedanceConfig {
         stiffness: [4000.0, 200.0, 200.0],
         damping: [500.0, 25.0, 25.0],
@@ -135,8 +129,8 @@ pub(crate) fn all() -> Vec<(&'static str, Box<dyn Running>)> {
         filter_s: 0.01,
         dt: DT,
     };
-    let curve = GainCurve::try_new(&[[1.0, 2.0], [20.0, 0.5]]).expect("breakpoints that rise");
-    let observer = Decoupling { share: 0.4, power: 0.5, null_share: 0.0, apparent_mass: 5.0 };
+    let curve = GainCurve::try_new(&[[1.0, 0.6], [20.0, 0.2]]).expect("breakpoints that rise");
+    let observer = Decoupling { share: 0.2, power: 0.5, null_share: 0.0, apparent_mass: 5.0, forward: Forward::Holding };
     let exercise = ExerciseConfig { script: script(), pid: force_pid(), lower: [-0.05, -0.2, -0.2], upper: [0.1, 0.2, 0.2] };
     let exercise = Exercise::try_new(task(), position(), exercise).expect("numbers in range");
     let space = TaskBox { map: task(), lower: [-0.05, -0.2, -0.2], upper: [0.08, 0.2, 0.2], margin: 1e-3 };
@@ -146,7 +140,13 @@ pub(crate) fn all() -> Vec<(&'static str, Box<dyn Running>)> {
         ("admittance of the task", start(Admittance::try_new(task(), position(), yielding).expect("numbers in range"))),
         ("admittance of the joints", start(Admittance::try_new(JointTask, position(), yielding).expect("numbers in range"))),
         ("impedance of the task", start(Impedance::try_new(task(), stiff).expect("numbers in range"))),
-        ("impedance of the joints", start(Impedance::try_new(JointTask, ImpedanceConfig { stiffness: [4000.0; 3], damping: [500.0; 3], ..stiff }).expect("numbers in range"))),
+        (
+            "impedance of the joints",
+            start(
+                Impedance::try_new(JointTask, ImpedanceConfig { stiffness: [4000.0; 3], damping: [500.0; 3], ..stiff })
+                    .expect("numbers in range"),
+            ),
+        ),
         ("directional gains", start(actuators(ForceLaw::Directional { curves: [curve; 3], null: 0.0 }))),
         ("decoupling observer", start(actuators(ForceLaw::Decoupling(observer)))),
         ("exercise", start(exercise)),
@@ -194,7 +194,8 @@ impl Platform {
         let q = self.map.drives(&mut (), &pitch).expect("finite coordinates");
         let v = core::array::from_fn(|i| INVERSE_JACOBIAN[i][1] * 0.02 * c);
         let press = -40.0 - 15.0 * math::sin(core::f64::consts::FRAC_PI_2 * t);
-        let mut input = Input { q_ref: q, v_ref: v, tau_ff: [WEIGHT; 3], tau_meas: self.tau, ..Input::standing(self.q, DT) };
+        let asked = [0.0, 0.7, 1.4].map(|late| WEIGHT + 4.0 * math::sin(2.0 * t - late));
+        let mut input = Input { q_ref: q, v_ref: v, tau_ff: asked, tau_meas: self.tau, ..Input::standing(self.q, DT) };
         (input.q_ref, input.wrench_meas, input.wrench_ref[2]) = (q, self.wrench, press);
         input
     }

@@ -55,7 +55,7 @@ impl Acted {
 
     /// Everything that acted, with its place.
     pub fn iter(&self) -> impl Iterator<Item = (Limit, usize)> + '_ {
-        Limit::ALL.into_iter().flat_map(|limit| (0..32).filter(move |&place| self.at(limit, place)).map(move |place| (limit, place)))
+        Limit::ALL.into_iter().flat_map(move |limit| (0..32).filter(move |&place| self.at(limit, place)).map(move |place| (limit, place)))
     }
 
     /// What acted here or there.

@@ -4,6 +4,8 @@
 //! A limit that acts changes as little as it must and says so in [`Health::acted`]; a fault latches and the command becomes the safe one.
 //! What arrives is trusted in nothing. This is no protective system: a robot near people has an emergency stop of its own.
 
+use pkm_dyn::math;
+
 use crate::controller::{Command, ConfigError, Controller, Health, Input};
 use crate::fault::{Fault, FaultCode, Limit};
 use crate::force::task::TaskMap;
@@ -308,15 +310,11 @@ impl<const N: usize, C: Controller<N>, W: Workspace<N>> Limited<N, C, W> {
         // Towards the upper end, then the same mirrored: `side` turns the lower end into an upper one.
         for (side, end) in [(1.0, c.q_upper[k]), (-1.0, -c.q_lower[k])] {
             let (room, speed, push) = (end - side * q, side * v, side * (out - weight));
-            // Two periods pass before a command is felt in a measured speed.
-            let way = speed.max(0.0) * 2.0 * input.dt + speed.max(0.0) * speed.max(0.0) / (2.0 * c.deceleration[k]);
-            let most = if speed > 0.0 && room <= way {
-                -c.brake[k]
-            } else if room <= 0.0 {
-                0.0
-            } else {
-                f64::INFINITY
-            };
+            let allowed = approach(room.max(0.0), c.deceleration[k], input.dt);
+            // Never so much push that one period could make it too fast, were the drive four times as light; a brake beyond that.
+            let per_speed = c.brake[k] / (c.deceleration[k] * input.dt);
+            let most =
+                if speed > allowed { -c.brake[k].min(0.5 * per_speed * (speed - allowed)) } else { 0.25 * per_speed * (allowed - speed) };
             if push > most {
                 health.acted.note(Limit::Position, k);
                 out = weight + side * most;
@@ -335,6 +333,13 @@ impl<const N: usize, C: Controller<N>, W: Workspace<N>> Limited<N, C, W> {
         }
         out.clamp(-c.tau_limit[k], c.tau_limit[k])
     }
+}
+
+/// Largest speed at which a drive still stops within `room`: five periods pass while the speed is measured and the brake comes in, then it
+/// slows down by `deceleration`.
+fn approach(room: f64, deceleration: f64, dt: f64) -> f64 {
+    let late = 5.0 * dt * deceleration;
+    math::sqrt(late * late + 2.0 * deceleration * room) - late
 }
 
 /// A number that differs when any measurement does, but for chance.

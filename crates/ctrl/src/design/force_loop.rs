@@ -212,7 +212,8 @@ impl ForceLoop {
         }
         let (plant, task) = three_masses(&train, &around, &J)?;
         let directions = directions(&J, &around.inertia)?;
-        let mut out = Self { train, around, sampling, J, plant, task, sampled: Default::default(), force: DMatrix::zeros(n, 0), directions };
+        let mut out =
+            Self { train, around, sampling, J, plant, task, sampled: Default::default(), force: DMatrix::zeros(n, 0), directions };
         let (A, B, C) = out.with_current(&DMatrix::zeros(2 * (m + 2 * n), 0));
         (out.sampled, out.force) = (out.with_filter(&A, &B, &C)?, C);
         Ok(out)

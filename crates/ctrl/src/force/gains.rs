@@ -73,13 +73,24 @@ pub struct Decoupling {
     pub null_share: f64,
     /// Mass that a drive's rotor seems to have at its output, m_a `[kg]`.
     pub apparent_mass: f64,
+    /// What the commanded force is fed forward for.
+    pub forward: Forward,
+}
+
+/// What a commanded force is fed forward for: its gain is one there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Forward {
+    /// Against a platform that gives way as its mass does: `G = D⁻¹ + H`, the paper's.
+    Moving,
+    /// Against surroundings that hold it: `G = I + H`.
+    Holding,
 }
 
 /// `[G, H]` of `K_t·K_a·i = G·F_c − H·F` \[McDaid, eq. 8.13\]; none where a number is none.
 ///
-/// `D⁻¹ = I + m_a·J·M⁻¹·Jᵀ`, `H = K_f/(1−K_f)·D⁻ⁿ + K_v0/(1−K_v0)·v_0·v_0ᵀ`. For n = 1 `G = D⁻¹/(1−K_f) + K_v0/(1−K_v0)·v_0·v_0ᵀ`: as printed,
-/// with 1/(1−K_v0), the force along v_0 would not be the commanded one. For n < 1 no such G makes the static force right, and
-/// `G = D⁻¹ + H` does.
+/// `D⁻¹ = I + m_a·J·M⁻¹·Jᵀ`, `H = K_f/(1−K_f)·D⁻ⁿ + K_v0/(1−K_v0)·v_0·v_0ᵀ`. For n = 1 `D⁻¹ + H` is the paper's
+/// `D⁻¹/(1−K_f)` with the same null-space term as H: as printed, with 1/(1−K_v0), the force along v_0 would not be the commanded one. For
+/// n < 1 the printed G makes no force right.
 pub fn decoupling<const N: usize, const M: usize>(
     svd: &mut Svd,
     task: &Task<N, M>,
@@ -103,8 +114,8 @@ pub fn decoupling<const N: usize, const M: usize>(
     let (h, h0) = (numbers.share / (1.0 - numbers.share), numbers.null_share / (1.0 - numbers.null_share));
     let null = |s: usize| if s < M { 0.0 } else { h0 };
     let H: Square<N> = along(svd, |s| h * math::powf(svd.values()[s], numbers.power) + null(s));
-    // D⁻¹/(1 − K_f) = D⁻¹ + h·D⁻¹: the same as D⁻¹ + H for n = 1.
-    let G = along(svd, |s| svd.values()[s] + h * math::powf(svd.values()[s], numbers.power) + null(s));
+    let forward = |s: usize| if numbers.forward == Forward::Moving { svd.values()[s] } else { 1.0 };
+    let G = along(svd, |s| forward(s) + h * math::powf(svd.values()[s], numbers.power) + null(s));
     (all_finite(&H) && all_finite(&G)).then_some([G, H])
 }
 

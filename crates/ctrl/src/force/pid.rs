@@ -141,15 +141,8 @@ impl<const M: usize> ForcePid<M> {
 mod tests {
     use super::*;
 
-    const CALM: ForcePidConfig<1> = ForcePidConfig {
-        kp: [0.5],
-        ki: [2.0],
-        kd: [0.0],
-        output_limit: [1.0],
-        rate_limit: [f64::INFINITY],
-        filter_s: 0.0,
-        dt: 0.01,
-    };
+    const CALM: ForcePidConfig<1> =
+        ForcePidConfig { kp: [0.5], ki: [2.0], kd: [0.0], output_limit: [1.0], rate_limit: [f64::INFINITY], filter_s: 0.0, dt: 0.01 };
 
     #[test]
     fn the_three_terms_are_what_the_equation_says() {

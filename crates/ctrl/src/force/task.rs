@@ -270,9 +270,8 @@ impl<const N: usize, const M: usize> TaskMap<N, M> for PlatformTask<M> {
         let angle = |c: usize| self.components.iter().position(|&k| k == c).map_or(0.0, |k| task.x[k]);
         let ((sa, ca), (sb, cb)) = (math::sin_cos(angle(3)), math::sin_cos(angle(4)));
         let axes = [[1.0, 0.0, 0.0], [0.0, ca, sa], [sb, -sa * cb, ca * cb]];
-        [&input.wrench_meas, &input.wrench_ref].map(|w| {
-            self.components.map(|c| if c < 3 { w[c] } else { (0..3).map(|i| axes[c - 3][i] * w[3 + i]).sum() })
-        })
+        [&input.wrench_meas, &input.wrench_ref]
+            .map(|w| self.components.map(|c| if c < 3 { w[c] } else { (0..3).map(|i| axes[c - 3][i] * w[3 + i]).sum() }))
     }
 }
 
