@@ -79,13 +79,13 @@ impl DriveTrain {
         2.0 * core::f64::consts::PI / self.pitch
     }
 
-    /// Force at the rod per current in the motor, K_t·K_a `[N/A]`.
+    /// Force at the rod per current in the motor, `K_t·K_a` `[N/A]`.
     #[must_use]
     pub fn force_constant(&self) -> f64 {
         self.torque_constant * self.ratio * self.screw_gear()
     }
 
-    /// Mass that the rotor seems to have at the rod, K_a²·J_m `[kg]`.
+    /// Mass that the rotor seems to have at the rod, `K_a²·J_m` `[kg]`.
     #[must_use]
     pub fn apparent_mass(&self) -> f64 {
         let gear = self.ratio * self.screw_gear();
@@ -122,11 +122,11 @@ impl DriveTrain {
 /// What the drives push against, in the m coordinates of the task.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surroundings {
-    /// Inertia of platform and patient, M_e `[kg | kg·m²]`.
+    /// Inertia of platform and patient, `M_e` `[kg | kg·m²]`.
     pub inertia: DMatrix<f64>,
-    /// Damping, B_e `[N·s/m | N·m·s/rad]`.
+    /// Damping, `B_e` `[N·s/m | N·m·s/rad]`.
     pub damping: DMatrix<f64>,
-    /// Stiffness, K_e `[N/m | N·m/rad]`.
+    /// Stiffness, `K_e` `[N/m | N·m/rad]`.
     pub stiffness: DMatrix<f64>,
 }
 
@@ -135,7 +135,7 @@ pub struct Surroundings {
 pub struct Sampling {
     /// Sample time `[s]`.
     pub dt: f64,
-    /// Derivative time k_d `[s]`; zero feeds back the force as it is measured.
+    /// Derivative time `k_d` `[s]`; zero feeds back the force as it is measured.
     pub derivative: f64,
 }
 

@@ -1,7 +1,7 @@
 //! Force control of all drives together \[McDaid\]: gains belong to directions of the robot, not to drives.
 //!
 //! `tau = G·F_cmd − H·F*`, with the commanded forces `F_cmd` in `tau_ff`, the measured ones in `tau_meas`, and
-//! `F* = F + k_d/dt·(F − F_last)`. The command is the motors' force at the drives; currents are it divided by K_t·K_a.
+//! `F* = F + k_d/dt·(F − F_last)`. The command is the motors' force at the drives; currents are it divided by `K_t·K_a`.
 
 use pkm_dyn::svd::Svd;
 
@@ -33,7 +33,7 @@ pub struct ActuatorForceConfig<const N: usize, const M: usize> {
     pub law: ForceLaw<M>,
     /// Inertia of platform and patient in the task, symmetric `[kg | kg·m²]`.
     pub inertia: [[f64; M]; M],
-    /// Derivative time k_d of the force filter `[s]`; 0 feeds the force back as it is.
+    /// Derivative time `k_d` of the force filter `[s]`; 0 feeds the force back as it is.
     pub derivative: f64,
     /// Largest effort of each drive `[N | N·m]`.
     pub tau_limit: [f64; N],

@@ -156,9 +156,7 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Control
             }
             let (offset, rate) = (task.to_drives(&state.x), task.to_drives(&state.v));
             state.q_offset = offset;
-            for k in 0..N {
-                moved.v_ref[k] += rate[k];
-            }
+            moved.v_ref.iter_mut().zip(rate).for_each(|(v, rate)| *v += rate);
         }
         for k in 0..N {
             moved.q_ref[k] += state.q_offset[k];

@@ -65,13 +65,13 @@ pub fn directional<const N: usize, const M: usize>(
 /// Numbers of the decoupling disturbance observer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Decoupling {
-    /// Share K_f of the disturbance that is made up for, 0 … below 1.
+    /// Share `K_f` of the disturbance that is made up for, 0 … below 1.
     pub share: f64,
     /// Power n of the decoupling matrix D⁻¹, 0 (none) … 1 (complete).
     pub power: f64,
-    /// The same share for efforts that move nothing, K_v0, in addition, 0 … below 1.
+    /// The same share for efforts that move nothing, `K_v0`, in addition, 0 … below 1.
     pub null_share: f64,
-    /// Mass that a drive's rotor seems to have at its output, m_a `[kg]`.
+    /// Mass that a drive's rotor seems to have at its output, `m_a` `[kg]`.
     pub apparent_mass: f64,
     /// What the commanded force is fed forward for.
     pub forward: Forward,
@@ -89,7 +89,7 @@ pub enum Forward {
 /// `[G, H]` of `K_t·K_a·i = G·F_c − H·F` \[McDaid, eq. 8.13\]; none where a number is none.
 ///
 /// `D⁻¹ = I + m_a·J·M⁻¹·Jᵀ`, `H = K_f/(1−K_f)·D⁻ⁿ + K_v0/(1−K_v0)·v_0·v_0ᵀ`. For n = 1 `D⁻¹ + H` is the paper's
-/// `D⁻¹/(1−K_f)` with the same null-space term as H: as printed, with 1/(1−K_v0), the force along v_0 would not be the commanded one. For
+/// `D⁻¹/(1−K_f)` with the same null-space term as H: as printed, with `1/(1−K_v0)`, the force along `v_0` would not be the commanded one. For
 /// n < 1 the printed G makes no force right.
 pub fn decoupling<const N: usize, const M: usize>(
     svd: &mut Svd,

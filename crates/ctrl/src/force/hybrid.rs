@@ -94,12 +94,12 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Control
                 let error = core::array::from_fn(|k| self.config.selection[k] * (measured[k] - wanted[k]));
                 let (speed, _) = self.pid.step(&mut state.pid, &error, dt);
                 let v = task.to_drives(&core::array::from_fn(|k| self.config.selection[k] * speed[k]));
-                for k in 0..N {
-                    // A drive that pushes with all it has follows no further reference: integrating would only wind up.
-                    if !state.is_inner_saturated {
+                // A drive that pushes with all it has follows no further reference: integrating would only wind up.
+                if !state.is_inner_saturated {
+                    for (k, v) in v.into_iter().enumerate() {
                         let limit = self.config.travel[k];
-                        state.travel[k] = (state.travel[k] + v[k] * dt).clamp(-limit, limit);
-                        moved.v_ref[k] += v[k];
+                        state.travel[k] = (state.travel[k] + v * dt).clamp(-limit, limit);
+                        moved.v_ref[k] += v;
                     }
                 }
             }

@@ -112,11 +112,11 @@ impl<const M: usize> ForcePid<M> {
     pub fn step(&self, state: &mut ForcePidState<M>, error: &[f64; M], dt: f64) -> ([f64; M], bool) {
         let (c, dt) = (&self.config, usable_dt(dt, self.config.dt));
         let mut is_limited = false;
-        for k in 0..M {
-            let difference = if state.has_started { (error[k] - state.error_last[k]) / dt } else { 0.0 };
+        for (k, &error) in error.iter().enumerate() {
+            let difference = if state.has_started { (error - state.error_last[k]) / dt } else { 0.0 };
             state.slope[k] += self.share * (difference - state.slope[k]);
-            let grown = state.integral[k] + c.ki[k] * error[k] * dt;
-            let direct = c.kp[k] * error[k] + c.kd[k] * state.slope[k];
+            let grown = state.integral[k] + c.ki[k] * error * dt;
+            let direct = c.kp[k] * error + c.kd[k] * state.slope[k];
             let last = state.output[k];
             // Errors beyond all bounds overflow: the output then stays where it is.
             let within = |raw: f64| {
@@ -126,7 +126,7 @@ impl<const M: usize> ForcePid<M> {
             let raw = direct + grown;
             let excess = raw - within(raw);
             is_limited |= excess.abs() > 0.0;
-            if excess * error[k] <= 0.0 && !grown.is_nan() {
+            if excess * error <= 0.0 && !grown.is_nan() {
                 state.integral[k] = grown.clamp(-c.output_limit[k], c.output_limit[k]);
             }
             state.output[k] = within(direct + state.integral[k]);

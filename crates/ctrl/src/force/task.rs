@@ -240,9 +240,9 @@ impl<const N: usize, const M: usize> TaskMap<N, M> for PlatformTask<M> {
         let (mut forward, mut along) = ([[0.0; M]; M], [[0.0; M]; N]);
         let nv = model.nv();
         let b: [[f64; M]; N] = core::array::from_fn(|i| core::array::from_fn(|k| drives[(i, k)]));
-        for k in 0..M {
-            for j in 0..M {
-                forward[k][j] = (0..nv).map(|t| jacobian[(self.components[k], t)] * here.reduction[(t, j)]).sum();
+        for (k, row) in forward.iter_mut().enumerate() {
+            for (j, entry) in row.iter_mut().enumerate() {
+                *entry = (0..nv).map(|t| jacobian[(self.components[k], t)] * here.reduction[(t, j)]).sum();
             }
         }
         let (_, back) = left_inverse(of_output, &forward, &[1.0; M])?;
