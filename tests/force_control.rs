@@ -1,7 +1,7 @@
 //! Contact on the 3-PRS lower-limb robot: a patient's foot as a spring on the platform, hybrid control, and an exercise of two stages.
 
 use nalgebra::Vector3;
-use pkm_ctrl::exercise::{Channel, Exercise, ExerciseConfig, Phase, Script, Wave};
+use pkm_ctrl::exercise::{Assistance, Channel, Exercise, ExerciseConfig, Phase, Resistance, Script, Wave};
 use pkm_ctrl::force::{
     Admittance, AdmittanceConfig, ForcePidConfig, Hybrid, HybridConfig, Impedance, ImpedanceConfig, PlatformTask, TaskMap,
 };
@@ -323,4 +323,51 @@ fn admittance_and_impedance_yield_as_their_springs_say() {
     println!("impedance: {:.2} mm of -15", 1e3 * moved);
     // Three drives stick with up to 86 N together: 4.3 mm of 20 kN/m.
     assert!(moved < -0.010 && moved > -0.0155, "{moved}");
+}
+
+/// One phase in z, level otherwise, with a patient who pushes steadily: where the platform settles, against where it began, and the phase's
+/// wanted force at the end.
+fn settle(channel: Channel, push: f64) -> [f64; 2] {
+    let home = level(0.144);
+    let flat = Channel::Position(Wave::constant(0.0));
+    let script = Script::try_new(&[Phase { duration_s: 30.0, ramp_s: 2.0, channels: [channel, flat, flat] }]).expect("a phase");
+    let config = ExerciseConfig { script, pid: pid(), lower: [home - 0.08, -0.2, -0.2], upper: [home + 0.08, 0.2, 0.2] };
+    let controller = Exercise::try_new(task(), ModelBased::new(), config).expect("numbers in range");
+    let mut state = controller.at_rest();
+    let mut world = World::new(0.144, [0.0, 20.0, home]);
+    world.push = push;
+    for _ in 0..3000 {
+        let command = controller.step(&mut state, &world.input());
+        assert!(!command.health.is_faulted && command.health.acted.is_empty(), "{:?}", command.health);
+        world.step(&command.tau);
+    }
+    [world.pose()[0] - home, state.f_ref[0]]
+}
+
+/// Active-resistive: the platform goes where load and spring balance the patient's push.
+#[test]
+fn a_resistance_balances_the_patient_where_its_spring_says() {
+    let resist = |load| Channel::Resist(Resistance { load, stiffness: 2000.0, centre: level(0.144), damping: 400.0 });
+    for (load, push) in [(30.0, -50.0), (0.0, -40.0), (20.0, -20.0), (0.0, 60.0)] {
+        let [moved, force] = settle(resist(load), push);
+        let want = (load + push) / 2000.0;
+        println!("resistance: {:.2} mm of {:.2}, {force:.1} N of {:.1}", 1e3 * moved, 1e3 * want, -push);
+        assert!((moved - want).abs() < 5e-4 && (force + push).abs() < 1.5, "{load} {push}: {moved} {force}");
+    }
+}
+
+/// Active-assistive: a patient who lets 40 N of leg hang on the platform is lifted as far as spring and learned help carry it; one who
+/// carries the leg is let alone within the tolerance.
+#[test]
+fn assistance_comes_as_needed_and_is_forgotten() {
+    let (tolerance, stiffness, learning, forgetting_s) = (1e-3, 8000.0, 2000.0, 3.0);
+    let path = Wave::constant(level(0.144) + 0.02);
+    let assist = Channel::Assist(Assistance { path, tolerance, stiffness, learning, forgetting_s, damping: 300.0, most: 120.0 });
+    let [moved, force] = settle(assist, -40.0);
+    let want = 0.02 - tolerance - 40.0 / (stiffness + learning * forgetting_s);
+    println!("assistance: {:.2} mm of {:.2}, {force:.1} N", 1e3 * moved, 1e3 * want);
+    assert!((moved - want).abs() < 5e-4 && (force - 40.0).abs() < 1.5, "{moved} {force}");
+    let [moved, force] = settle(assist, 0.0);
+    println!("without need: {:.2} mm of 20, {force:.1} N", 1e3 * moved);
+    assert!((0.02 - moved).abs() < tolerance + 5e-4 && force.abs() < 1.5, "{moved} {force}");
 }

@@ -158,7 +158,7 @@ fn by_eigenvectors(A: &DMatrix<f64>, B: &DMatrix<f64>, poles: &[C64]) -> Result<
     }
     let X = best.1;
     let Xi = X.clone().try_inverse().ok_or(DesignError::NoSolution { what: "pole placement", residual: 1.0 })?;
-    let L = CMatrix::from_diagonal(&nalgebra::DVector::from_column_slice(poles));
+    let L = CMatrix::from_diagonal(&DVector::from_column_slice(poles));
     let closed = (X * L * Xi).map(|z| z.re);
     let pinv = B.clone().pseudo_inverse(1e-12 * B.norm()).map_err(|_| failed())?;
     Ok(pinv * (A - closed))
@@ -174,7 +174,7 @@ fn complement(range: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// The unit vector of the space `S` that is most orthogonal to all columns of `X` but the `j`-th.
-fn improved(X: &CMatrix, j: usize, S: &CMatrix) -> nalgebra::DVector<C64> {
+fn improved(X: &CMatrix, j: usize, S: &CMatrix) -> DVector<C64> {
     let n = X.nrows();
     let others = CMatrix::from_fn(n, n - 1, |i, k| X[(i, if k < j { k } else { k + 1 })]);
     // What is orthogonal to n − 1 vectors: the last column of their full Q.
