@@ -7,9 +7,24 @@ mod ankle;
 
 use std::time::Instant;
 
-use ankle::{DT, PROPOSED, blocks, closed_loop};
+use ankle::{DT, K_D, PROPOSED};
+use pkm_ctrl::design::force_loop::Weights;
 use pkm_ctrl::design::mu::{Block, Guarantee, Response, Settings, StateSpace, Structure, sweep, upper_bound};
 use pkm_dyn::math::powf;
+
+/// Blocks: three distinct inertias, then damping and stiffness of the ankle as full matrices.
+fn blocks() -> Vec<Block> {
+    let real = Block::Real { repeats: 1 };
+    let full = Block::Full { rows: 3, cols: 3 };
+    vec![real, real, real, full, full]
+}
+
+/// The closed loop with its uncertainty pulled out, weighted as in [McDaid] Table 8.4.
+fn closed_loop(t: [f64; 3], k: [f64; 4]) -> StateSpace {
+    let model = ankle::force_loop(t, K_D);
+    let weights = Weights { inertia: 0.002, damping: 0.1, stiffness: 0.1 };
+    model.uncertain(&model.gain(|i| k[i]), &ankle::rotation(t), weights).expect("a system")
+}
 
 fn structure() -> Structure {
     Structure::try_new(blocks()).expect("blocks")

@@ -1,6 +1,9 @@
 //! Nothing is allocated in the loop: every algorithm works in the room that `Data::new` made. Holds in debug and release builds.
 #![expect(unsafe_code, reason = "a global allocator cannot be written without it; it only counts and hands on to the system's")]
 
+#[path = "contact/no_alloc.rs"]
+mod contact;
+
 use core::alloc::{GlobalAlloc, Layout};
 use core::cell::Cell;
 use core::hint::black_box;
@@ -305,4 +308,28 @@ mod tracking {
         });
         assert_eq!(count, 0);
     }
+}
+
+#[test]
+fn controllers_of_contact_allocate_nothing() {
+    let counts = contact::contact_allocations(|work| allocations(work));
+    assert!(counts.len() >= 10 && counts.iter().all(|(_, n)| *n == 0), "{counts:?}");
+}
+
+/// The task of a model with loops, forwards and backwards.
+#[test]
+fn a_task_of_a_model_allocates_nothing() {
+    use pkm_ctrl::force::{PlatformTask, TaskMap};
+    let shipped = pkm_robots::find("ups4").expect("a shipped robot");
+    let model = pkm_dyn::urdf::parse(shipped.toml, shipped.urdf, [shipped.toml_name, shipped.urdf_name]).expect("it reads").bare;
+    let output = Output::evident(&model).expect("a platform");
+    let map: PlatformTask<3> = PlatformTask::try_new(model, output, [3, 4, 5], 1.0).expect("three freedoms");
+    let mut state = TaskMap::<4, 3>::at_rest(&map);
+    let q: [f64; 4] = map.drives(&mut state, &[0.0; 3]).expect("the home pose");
+    let count = allocations(|| {
+        let here: pkm_ctrl::force::Task<4, 3> = map.at(&mut state, &q).expect("the loops close");
+        let there: Option<[f64; 4]> = map.drives(&mut state, &[here.x[0] + 0.05, here.x[1] - 0.03, here.x[2]]);
+        assert!(there.is_some());
+    });
+    assert_eq!(count, 0);
 }

@@ -1,5 +1,7 @@
 //! What every controller is: numbers in `self`, state outside, a step that always answers.
 
+use crate::fault::{Acted, Fault};
+
 /// What a controller sees in one period; one entry per drive. A controller reads what its law needs and nothing else.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Input<const N: usize> {
@@ -43,13 +45,17 @@ impl<const N: usize> Input<N> {
 }
 
 /// How a step went.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Health {
     /// A number that was not finite came in, or the model's loops did not close, now or earlier: the command is the safe one until the
     /// state is made anew.
     pub is_faulted: bool,
     /// At least one effort was clipped at its limit.
     pub is_saturated: bool,
+    /// Which limits acted at which drive; empty for a controller that does not say.
+    pub acted: Acted,
+    /// The fault that stopped the robot, where the controller says which.
+    pub fault: Option<Fault>,
 }
 
 /// What a controller answers.

@@ -5,7 +5,9 @@
 //! of the robot take what one says as a feed-forward effort; those with one ([`computed_torque`]) keep its pose in their state, and find
 //! velocities by an [`observer`].
 //!
-//! Feature `design`: analysis of control loops on the desk (structured singular value), with std.
+//! Motion: [`pd_gravity`]. Contact: [`force`], and [`exercise`] for what a patient does with it. Around any of them: [`limits`].
+//!
+//! Feature `design`: work on the desk (discretisation, gains, margins, structured singular value), with std.
 #![no_std]
 
 extern crate alloc;
@@ -24,6 +26,10 @@ pub mod error_dynamics;
 pub mod filter;
 mod linear_system;
 pub mod observer;
+pub mod exercise;
+pub mod fault;
+pub mod force;
+pub mod limits;
 pub mod pd_gravity;
 pub mod pd_model;
 pub mod pid;
@@ -37,6 +43,8 @@ pub use computed_torque::{ComputedTorque, ComputedTorqueConfig, ComputedTorqueSt
 pub use computed_torque_dae::{ComputedTorqueDae, ComputedTorqueDaeConfig, ComputedTorqueDaeState};
 pub use controller::{Command, ConfigError, Controller, Health, Input};
 pub use error_dynamics::ErrorGains;
+pub use fault::{Acted, Fault, FaultCode, Limit};
+pub use limits::Limited;
 pub use pd_gravity::{PdGravity, PdGravityConfig, PdGravityState};
 pub use pd_model::{PdModel, PdModelConfig, PdModelState};
 pub use pid::{AntiWindup, Pid, PidConfig, PidState};

@@ -91,7 +91,7 @@ impl<const N: usize> Controller<N> for PdGravity<N> {
         let signals = [&input.q_meas, &input.q_ref, &input.v_ref, &input.tau_ff];
         state.is_faulted |= signals.into_iter().flatten().any(|x| !x.is_finite());
         if state.is_faulted {
-            return Command { tau: state.tau_safe, health: Health { is_faulted: true, is_saturated: false } };
+            return Command { tau: state.tau_safe, health: Health { is_faulted: true, ..Health::default() } };
         }
         let mut command = Command { tau: [0.0; N], health: Health::default() };
         for k in 0..N {
@@ -110,7 +110,7 @@ impl<const N: usize> Controller<N> for PdGravity<N> {
             }
         }
         if state.is_faulted {
-            return Command { tau: state.tau_safe, health: Health { is_faulted: true, is_saturated: false } };
+            return Command { tau: state.tau_safe, health: Health { is_faulted: true, ..Health::default() } };
         }
         state.q_last = input.q_meas;
         state.has_started = true;
@@ -187,7 +187,7 @@ mod tests {
         let mut untouched = PdGravityState::<2>::default();
         input.tau_ff[0] = f64::INFINITY;
         let command = controller().step(&mut untouched, &input);
-        assert_eq!(command, Command { tau: [0.0; 2], health: Health { is_faulted: true, is_saturated: false } });
+        assert_eq!(command, Command { tau: [0.0; 2], health: Health { is_faulted: true, ..Health::default() } });
     }
 
     #[test]

@@ -1,0 +1,409 @@
+//! Limits around any controller: positions with the way it takes to stop, velocities, efforts and their rates, the environment's wrench,
+//! workspace and singularities; input that is late, frozen or no number.
+//!
+//! A limit that acts changes as little as it must and says so in [`Health::acted`]; a fault latches and the command becomes the safe one.
+//! What arrives is trusted in nothing. This is no protective system: a robot near people has an emergency stop of its own.
+
+use pkm_dyn::math;
+
+use crate::controller::{Command, ConfigError, Controller, Health, Input};
+use crate::fault::{Fault, FaultCode, Limit};
+use crate::force::task::TaskMap;
+
+/// What the drives are told after a fault.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Safe<const N: usize> {
+    /// Nothing: for robots that stay where they are, or fall safely.
+    Zero,
+    /// The last finite effort of the model: the weight is carried, nothing pushes.
+    Weight,
+    /// The same, and resistance against motion per speed, as long as positions are numbers `[N·s/m | N·m·s/rad]`.
+    Damped([f64; N]),
+    /// From the last command to zero at this rate `[N/s | N·m/s]`.
+    Ramp([f64; N]),
+}
+
+/// Numbers of a [`Limited`]; use infinity for what is not limited.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LimitsConfig<const N: usize> {
+    /// Smallest positions `[m | rad]`.
+    pub q_lower: [f64; N],
+    /// Largest positions `[m | rad]`.
+    pub q_upper: [f64; N],
+    /// How far outside its range a drive may be found before that is a fault `[m | rad]`.
+    pub q_tolerance: f64,
+    /// Deceleration that each drive surely reaches `[m/s² | rad/s²]`.
+    pub deceleration: [f64; N],
+    /// Effort beyond the model's that surely gives it `[N | N·m]`.
+    pub brake: [f64; N],
+    /// Speed from which on a drive is not pushed any faster `[m/s | rad/s]`; a fault at one and a half times that.
+    pub v_limit: [f64; N],
+    /// Largest effort `[N | N·m]`.
+    pub tau_limit: [f64; N],
+    /// Largest change of an effort per second `[N/s | N·m/s]`; braking is not held back by it.
+    pub tau_rate: [f64; N],
+    /// Components of the wrench from which on the robot yields `[N, N·m]`.
+    pub wrench_yield: [f64; 6],
+    /// Components of the wrench that are a fault `[N, N·m]`.
+    pub wrench_limit: [f64; 6],
+    /// Control period `[s]`.
+    pub dt: f64,
+    /// Longest time between two steps `[s]`.
+    pub dt_limit: f64,
+    /// Steps in a row with the same measurement to the last bit that are allowed; 0 is as many as there are.
+    pub repeats: u32,
+    /// What the drives are told after a fault.
+    pub safe: Safe<N>,
+}
+
+/// Which references the robot may be asked to follow.
+pub trait Workspace<const N: usize> {
+    /// Room of the geometry.
+    type State;
+
+    /// The state before the first step. The one place that may allocate.
+    fn at_rest(&self) -> Self::State;
+
+    /// How far positions `q` of the drives are outside, and outside what; none inside.
+    fn outside(&self, state: &mut Self::State, q: &[f64; N]) -> Option<(Limit, f64)>;
+}
+
+/// Every reference may be followed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Anywhere;
+
+impl<const N: usize> Workspace<N> for Anywhere {
+    type State = ();
+
+    fn at_rest(&self) -> Self::State {}
+
+    fn outside(&self, (): &mut (), _: &[f64; N]) -> Option<(Limit, f64)> {
+        None
+    }
+}
+
+/// A box in the coordinates of a task, away from singularities.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TaskBox<const M: usize, K> {
+    /// The task.
+    pub map: K,
+    /// Smallest coordinates `[m | rad]`.
+    pub lower: [f64; M],
+    /// Largest coordinates `[m | rad]`.
+    pub upper: [f64; M],
+    /// Smallest margin of the task.
+    pub margin: f64,
+}
+
+impl<const N: usize, const M: usize, K: TaskMap<N, M>> Workspace<N> for TaskBox<M, K> {
+    type State = K::State;
+
+    fn at_rest(&self) -> Self::State {
+        self.map.at_rest()
+    }
+
+    fn outside(&self, state: &mut Self::State, q: &[f64; N]) -> Option<(Limit, f64)> {
+        let Some(task) = self.map.at(state, q) else { return Some((Limit::Workspace, f64::INFINITY)) };
+        let beyond = |k: usize| (task.x[k] - self.upper[k]).max(self.lower[k] - task.x[k]);
+        let most = (0..M).map(beyond).fold(f64::NEG_INFINITY, f64::max);
+        if most > 0.0 {
+            return Some((Limit::Workspace, most));
+        }
+        (task.margin < self.margin).then_some((Limit::Singularity, self.margin - task.margin))
+    }
+}
+
+/// A controller inside limits.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Limited<const N: usize, C, W = Anywhere> {
+    inner: C,
+    workspace: W,
+    config: LimitsConfig<N>,
+}
+
+/// What a [`Limited`] remembers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LimitedState<const N: usize, I, S> {
+    inner: I,
+    workspace: S,
+    fault: Option<Fault>,
+    q_last: [f64; N],
+    v: [f64; N],
+    q_ref: [f64; N],
+    beyond: f64,
+    tau_last: [f64; N],
+    weight: [f64; N],
+    seen: u64,
+    repeats: u32,
+    has_started: bool,
+}
+
+impl<const N: usize, I, S> LimitedState<N, I, S> {
+    /// The fault that stopped the robot.
+    #[must_use]
+    pub fn fault(&self) -> Option<Fault> {
+        self.fault
+    }
+}
+
+impl<const N: usize, C: Controller<N>> Limited<N, C> {
+    /// Checks the numbers; no workspace.
+    ///
+    /// # Errors
+    /// As [`Limited::within`].
+    pub fn try_new(inner: C, config: LimitsConfig<N>) -> Result<Self, ConfigError> {
+        Self::within(inner, Anywhere, config)
+    }
+}
+
+impl<const N: usize, C: Controller<N>, W: Workspace<N>> Limited<N, C, W> {
+    /// Checks the numbers.
+    ///
+    /// # Errors
+    /// Empty ranges, limits that are not positive, a period that is not finite, anything that is no number.
+    pub fn within(inner: C, workspace: W, config: LimitsConfig<N>) -> Result<Self, ConfigError> {
+        let bad = |drive, what, value, limit| Err(ConfigError { drive, what, value, limit });
+        let c = &config;
+        for k in 0..N {
+            let room = c.q_upper[k] - c.q_lower[k];
+            let positive = [
+                ("q_upper - q_lower", room),
+                ("deceleration", c.deceleration[k]),
+                ("brake", c.brake[k]),
+                ("v_limit", c.v_limit[k]),
+                ("tau_limit", c.tau_limit[k]),
+                ("tau_rate", c.tau_rate[k]),
+            ];
+            if let Some((what, value)) = positive.into_iter().find(|(_, x)| x.is_nan() || *x <= 0.0) {
+                return bad(k, what, value, "must be > 0");
+            }
+            if !c.tau_limit[k].is_finite() {
+                return bad(k, "tau_limit", c.tau_limit[k], "must be finite");
+            }
+            if let Safe::Damped(x) | Safe::Ramp(x) = &c.safe
+                && !(x[k].is_finite() && x[k] >= 0.0)
+            {
+                return bad(k, "safe", x[k], "must be finite and >= 0");
+            }
+        }
+        let whole = [("q_tolerance", c.q_tolerance), ("dt_limit", c.dt_limit), ("dt", c.dt)];
+        let wrench = c.wrench_yield.iter().chain(&c.wrench_limit).map(|x| ("wrench", *x));
+        if let Some((what, value)) = whole.into_iter().chain(wrench).find(|(_, x)| x.is_nan() || *x <= 0.0) {
+            return bad(0, what, value, "must be > 0");
+        }
+        if !c.dt.is_finite() {
+            return bad(0, "dt", c.dt, "must be finite");
+        }
+        Ok(Self { inner, workspace, config })
+    }
+
+    /// The guarded controller.
+    #[must_use]
+    pub fn inner(&self) -> &C {
+        &self.inner
+    }
+
+    /// The first thing in the input that is not allowed.
+    fn offence(&self, state: &LimitedState<N, C::State, W::State>, input: &Input<N>) -> Option<Fault> {
+        let c = &self.config;
+        let signals: [(FaultCode, &[f64]); 9] = [
+            (FaultCode::PositionNotFinite, &input.q_meas),
+            (FaultCode::EffortNotFinite, &input.tau_meas),
+            (FaultCode::WrenchNotFinite, &input.wrench_meas),
+            (FaultCode::ReferenceNotFinite, &input.q_ref),
+            (FaultCode::ReferenceNotFinite, &input.v_ref),
+            (FaultCode::ReferenceNotFinite, &input.a_ref),
+            (FaultCode::ReferenceNotFinite, &input.wrench_ref),
+            (FaultCode::ReferenceNotFinite, &input.tau_ff),
+            (FaultCode::Late, &[input.dt]),
+        ];
+        for (code, values) in signals {
+            if let Some(drive) = values.iter().position(|x| !x.is_finite()) {
+                return Some(Fault { code, drive, value: values[drive], limit: 0.0 });
+            }
+        }
+        if input.dt <= 0.0 || input.dt > c.dt_limit {
+            return Some(Fault { code: FaultCode::Late, drive: 0, value: input.dt, limit: c.dt_limit });
+        }
+        if c.repeats > 0 && state.repeats > c.repeats {
+            return Some(Fault { code: FaultCode::Frozen, drive: 0, value: f64::from(state.repeats), limit: f64::from(c.repeats) });
+        }
+        let too_much = |k: &usize| input.wrench_meas[*k].abs() > c.wrench_limit[*k];
+        if let Some(drive) = (0..6).find(too_much) {
+            return Some(Fault { code: FaultCode::Wrench, drive, value: input.wrench_meas[drive], limit: c.wrench_limit[drive] });
+        }
+        for drive in 0..N {
+            let (q, v) = (input.q_meas[drive], state.v[drive]);
+            let (upper, lower) = (c.q_upper[drive] + c.q_tolerance, c.q_lower[drive] - c.q_tolerance);
+            if q > upper || q < lower {
+                return Some(Fault { code: FaultCode::Position, drive, value: q, limit: if q > upper { upper } else { lower } });
+            }
+            if v.abs() > 1.5 * c.v_limit[drive] {
+                return Some(Fault { code: FaultCode::Velocity, drive, value: v, limit: 1.5 * c.v_limit[drive] });
+            }
+        }
+        None
+    }
+
+    /// The command after a fault.
+    fn safe(&self, state: &mut LimitedState<N, C::State, W::State>, input: &Input<N>) -> Command<N> {
+        let c = &self.config;
+        let dt = crate::force::pid::usable_dt(input.dt, c.dt);
+        let tau = core::array::from_fn(|k| {
+            let wanted = match c.safe {
+                Safe::Zero => 0.0,
+                Safe::Weight => state.weight[k],
+                Safe::Damped(d) => {
+                    let v = (input.q_meas[k] - state.q_last[k]) / dt;
+                    state.weight[k] - if v.is_finite() { d[k] * v } else { 0.0 }
+                }
+                Safe::Ramp(rate) => state.tau_last[k] - state.tau_last[k].clamp(-rate[k] * dt, rate[k] * dt),
+            };
+            wanted.clamp(-c.tau_limit[k], c.tau_limit[k])
+        });
+        if input.q_meas.iter().all(|q| q.is_finite()) {
+            state.q_last = input.q_meas;
+        }
+        state.tau_last = tau;
+        Command { tau, health: Health { is_faulted: true, fault: state.fault, ..Health::default() } }
+    }
+
+    /// References that may be followed, in place of those that are wanted.
+    fn references(&self, state: &mut LimitedState<N, C::State, W::State>, input: &mut Input<N>, health: &mut Health) {
+        let c = &self.config;
+        if let Some(k) = (0..6).find(|&k| input.wrench_meas[k].abs() > c.wrench_yield[k]) {
+            health.acted.note(Limit::Wrench, k);
+            (input.q_ref, input.v_ref, input.a_ref) = (input.q_meas, [0.0; N], [0.0; N]);
+        }
+        for k in 0..N {
+            let wanted = input.q_ref[k];
+            input.q_ref[k] = wanted.clamp(c.q_lower[k], c.q_upper[k]);
+            if wanted < c.q_lower[k] || wanted > c.q_upper[k] {
+                health.acted.note(Limit::Position, k);
+                let is_outward = input.v_ref[k] * (wanted - input.q_ref[k]) > 0.0;
+                input.v_ref[k] = if is_outward { 0.0 } else { input.v_ref[k] };
+            }
+        }
+        match self.workspace.outside(&mut state.workspace, &input.q_ref) {
+            // On the way in from outside every reference that is less far out is followed.
+            Some((limit, beyond)) if state.has_started && (beyond.is_nan() || beyond >= state.beyond) => {
+                health.acted.note(limit, 0);
+                (input.q_ref, input.v_ref, input.a_ref) = (state.q_ref, [0.0; N], [0.0; N]);
+            }
+            Some((limit, beyond)) => {
+                health.acted.note(limit, 0);
+                (state.q_ref, state.beyond) = (input.q_ref, beyond);
+            }
+            None => (state.q_ref, state.beyond) = (input.q_ref, 0.0),
+        }
+    }
+
+    /// One drive's effort inside its limits; what the model asks for alone holds it where it is.
+    fn effort(&self, state: &LimitedState<N, C::State, W::State>, input: &Input<N>, k: usize, tau: f64, health: &mut Health) -> f64 {
+        let c = &self.config;
+        let (q, v, weight) = (input.q_meas[k], state.v[k], input.tau_ff[k]);
+        let change = c.tau_rate[k] * input.dt;
+        let mut out = tau.clamp(state.tau_last[k] - change, state.tau_last[k] + change);
+        if (out - tau).abs() > 0.0 {
+            health.acted.note(Limit::EffortRate, k);
+        }
+        // Towards the upper end, then the same mirrored: `side` turns the lower end into an upper one.
+        for (side, end) in [(1.0, c.q_upper[k]), (-1.0, -c.q_lower[k])] {
+            let (room, speed, push) = (end - side * q, side * v, side * (out - weight));
+            let allowed = approach(room.max(0.0), c.deceleration[k], input.dt);
+            // Never so much push that one period could make it too fast, were the drive four times as light; a brake beyond that.
+            let per_speed = c.brake[k] / (c.deceleration[k] * input.dt);
+            let most =
+                if speed > allowed { -c.brake[k].min(0.5 * per_speed * (speed - allowed)) } else { 0.25 * per_speed * (allowed - speed) };
+            if push > most {
+                health.acted.note(Limit::Position, k);
+                out = weight + side * most;
+            }
+            // From the limit on less and less push, and a brake at a tenth above it.
+            let share = (speed / c.v_limit[k] - 1.0) * 10.0;
+            let most = if share > 0.0 { -c.brake[k] * share.min(1.0) } else { f64::INFINITY };
+            if side * (out - weight) > most {
+                health.acted.note(Limit::Velocity, k);
+                out = weight + side * most;
+            }
+        }
+        if out.abs() > c.tau_limit[k] {
+            health.acted.note(Limit::Effort, k);
+            health.is_saturated = true;
+        }
+        out.clamp(-c.tau_limit[k], c.tau_limit[k])
+    }
+}
+
+/// Largest speed at which a drive still stops within `room`: five periods pass while the speed is measured and the brake comes in, then it
+/// slows down by `deceleration`.
+fn approach(room: f64, deceleration: f64, dt: f64) -> f64 {
+    let late = 5.0 * dt * deceleration;
+    math::sqrt(late * late + 2.0 * deceleration * room) - late
+}
+
+/// A number that differs when any measurement does, but for chance.
+fn fingerprint<const N: usize>(input: &Input<N>) -> u64 {
+    let all = input.q_meas.iter().chain(&input.tau_meas).chain(&input.wrench_meas);
+    all.fold(0xCBF2_9CE4_8422_2325, |hash, x| (hash ^ x.to_bits()).wrapping_mul(0x0000_0100_0000_01B3).rotate_left(23))
+}
+
+impl<const N: usize, C: Controller<N>, W: Workspace<N>> Controller<N> for Limited<N, C, W> {
+    type State = LimitedState<N, C::State, W::State>;
+
+    fn at_rest(&self) -> Self::State {
+        let zero = [0.0; N];
+        LimitedState {
+            inner: self.inner.at_rest(),
+            workspace: self.workspace.at_rest(),
+            fault: None,
+            q_last: zero,
+            v: zero,
+            q_ref: zero,
+            beyond: f64::INFINITY,
+            tau_last: zero,
+            weight: zero,
+            seen: 0,
+            repeats: 0,
+            has_started: false,
+        }
+    }
+
+    /// One period. The first fault latches; from then on the command is [`Safe`], whatever arrives.
+    fn step(&self, state: &mut Self::State, input: &Input<N>) -> Command<N> {
+        if state.fault.is_some() {
+            return self.safe(state, input);
+        }
+        let seen = fingerprint(input);
+        state.repeats = if state.has_started && seen == state.seen { state.repeats.saturating_add(1) } else { 0 };
+        state.seen = seen;
+        if state.has_started && input.dt > 0.0 {
+            state.v = core::array::from_fn(|k| (input.q_meas[k] - state.q_last[k]) / input.dt);
+        }
+        state.fault = self.offence(state, input);
+        if state.fault.is_some() {
+            return self.safe(state, input);
+        }
+        if !state.has_started {
+            (state.q_ref, state.tau_last) = (input.q_meas, input.tau_ff);
+        }
+        let (mut allowed, mut health) = (*input, Health::default());
+        self.references(state, &mut allowed, &mut health);
+        let answer = self.inner.step(&mut state.inner, &allowed);
+        state.weight = core::array::from_fn(|k| input.tau_ff[k].clamp(-self.config.tau_limit[k], self.config.tau_limit[k]));
+        if answer.health.is_faulted {
+            let own = Fault { code: FaultCode::Controller, drive: 0, value: 0.0, limit: 0.0 };
+            state.fault = Some(answer.health.fault.unwrap_or(own));
+        } else if let Some(drive) = answer.tau.iter().position(|t| !t.is_finite()) {
+            state.fault = Some(Fault { code: FaultCode::CommandNotFinite, drive, value: answer.tau[drive], limit: 0.0 });
+        }
+        if state.fault.is_some() {
+            return self.safe(state, input);
+        }
+        health.is_saturated = answer.health.is_saturated;
+        health.acted = health.acted.and(answer.health.acted);
+        let tau = core::array::from_fn(|k| self.effort(state, input, k, answer.tau[k], &mut health));
+        (state.q_last, state.tau_last, state.has_started) = (input.q_meas, tau, true);
+        Command { tau, health }
+    }
+}

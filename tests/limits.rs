@@ -1,0 +1,285 @@
+//! Limits around a controller on a mass that moves: nothing passes an end at any speed, and every limit says where it acted.
+
+use pkm_ctrl::force::LinearTask;
+use pkm_ctrl::limits::{LimitsConfig, Safe, TaskBox};
+use pkm_ctrl::{Acted, Command, Controller, Fault, FaultCode, Health, Input, Limit, Limited, PdGravity, PdGravityConfig};
+
+const DT: f64 = 0.005;
+const MASS: f64 = 2.0;
+
+/// Pushes with the wanted effort, whatever happens, beyond the model's: the worst controller there is.
+struct Push([f64; 2]);
+
+impl Controller<2> for Push {
+    type State = ();
+
+    fn at_rest(&self) {}
+
+    fn step(&self, (): &mut (), input: &Input<2>) -> Command<2> {
+        Command { tau: [0, 1].map(|k| self.0[k] + input.tau_ff[k]), health: Health::default() }
+    }
+}
+
+fn config() -> LimitsConfig<2> {
+    LimitsConfig {
+        q_lower: [-0.2, -0.1],
+        q_upper: [0.3, 0.1],
+        q_tolerance: 1e-3,
+        deceleration: [10.0; 2],
+        brake: [25.0; 2],
+        v_limit: [1.0; 2],
+        tau_limit: [60.0; 2],
+        tau_rate: [1e9; 2],
+        wrench_yield: [50.0; 6],
+        wrench_limit: [100.0; 6],
+        dt: DT,
+        dt_limit: 5.0 * DT,
+        repeats: 0,
+        safe: Safe::Weight,
+    }
+}
+
+/// Two masses on a slope that pulls with 5 N, moved exactly under a constant effort.
+#[derive(Clone, Copy)]
+struct Masses {
+    q: [f64; 2],
+    v: [f64; 2],
+}
+
+const SLOPE: f64 = 5.0;
+
+impl Masses {
+    fn step(&mut self, tau: &[f64; 2]) {
+        for k in 0..2 {
+            let a = (tau[k] - SLOPE) / MASS;
+            self.q[k] += self.v[k] * DT + 0.5 * a * DT * DT;
+            self.v[k] += a * DT;
+        }
+    }
+
+    fn input(&self) -> Input<2> {
+        Input { tau_ff: [SLOPE; 2], ..Input::standing(self.q, DT) }
+    }
+}
+
+#[test]
+fn no_speed_passes_an_end_and_the_way_back_is_free() {
+    for push in [0.0, 3.0, 20.0, 40.0] {
+        for speed in 0..=20 {
+            for side in [1.0, -1.0] {
+                let v = side * 0.05 * f64::from(speed);
+                let limited = Limited::try_new(Push([side * push; 2]), config()).expect("numbers in range");
+                let (mut state, mut masses) = (limited.at_rest(), Masses { q: [0.05, 0.0], v: [v, 0.3 * v] });
+                let mut acted = Acted::default();
+                for _ in 0..2000 {
+                    let command = limited.step(&mut state, &masses.input());
+                    assert!(!command.health.is_faulted, "push {push}, speed {v}: {:?}", command.health.fault);
+                    acted = acted.and(command.health.acted);
+                    masses.step(&command.tau);
+                    for k in 0..2 {
+                        assert!(masses.q[k] <= config().q_upper[k] + 1e-12 && masses.q[k] >= config().q_lower[k] - 1e-12, "{:?}", masses.q);
+                    }
+                }
+                if push > 0.0 {
+                    let end = if side > 0.0 { config().q_upper[0] } else { config().q_lower[0] };
+                    assert!((masses.q[0] - end).abs() < 0.03, "it comes near: {} of {end} with {push}", masses.q[0]);
+                    assert!(acted.at(Limit::Position, 0) && acted.at(Limit::Position, 1));
+                }
+                let back = Limited::try_new(Push([-side * 8.0; 2]), config()).expect("numbers in range");
+                let (mut state, at) = (back.at_rest(), masses.q[0]);
+                for _ in 0..40 {
+                    let command = back.step(&mut state, &masses.input());
+                    masses.step(&command.tau);
+                }
+                assert!(side * (at - masses.q[0]) > 0.01, "inward motion is allowed");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_drive_is_not_pushed_beyond_its_speed() {
+    let wide = LimitsConfig { q_lower: [-1e3; 2], q_upper: [1e3; 2], ..config() };
+    let limited = Limited::try_new(Push([40.0, -15.0]), wide).expect("numbers in range");
+    let (mut state, mut masses, mut acted) = (limited.at_rest(), Masses { q: [0.0; 2], v: [0.0; 2] }, Acted::default());
+    for _ in 0..2000 {
+        let command = limited.step(&mut state, &masses.input());
+        acted = acted.and(command.health.acted);
+        masses.step(&command.tau);
+        assert!(masses.v.iter().all(|v| v.abs() < 1.15), "{:?}", masses.v);
+    }
+    assert!(masses.v[0] > 0.95 && masses.v[1] < -0.95, "{:?}", masses.v);
+    assert!(acted.at(Limit::Velocity, 0) && acted.at(Limit::Velocity, 1));
+    masses.v = [1.7, 0.0];
+    let _ = limited.step(&mut state, &masses.input());
+    masses.step(&[SLOPE; 2]);
+    let command = limited.step(&mut state, &masses.input());
+    let fault = command.health.fault.expect("too fast");
+    assert!(fault.code == FaultCode::Velocity && fault.drive == 0 && (fault.value - 1.7).abs() < 0.01, "{fault}");
+}
+
+#[test]
+fn efforts_and_their_rates_are_limited_drive_by_drive() {
+    let slow = LimitsConfig { tau_rate: [1000.0, 1e9], ..config() };
+    let limited = Limited::try_new(Push([40.0, 90.0]), slow).expect("numbers in range");
+    let (mut state, masses) = (limited.at_rest(), Masses { q: [0.0; 2], v: [0.0; 2] });
+    let command = limited.step(&mut state, &masses.input());
+    assert_eq!(command.tau, [SLOPE + 1000.0 * DT, 60.0]);
+    assert!(command.health.acted.iter().eq([(Limit::Effort, 1), (Limit::EffortRate, 0)]), "{:?}", command.health.acted);
+    assert!(command.health.is_saturated);
+    let mut last = command.tau[0];
+    for _ in 0..20 {
+        let tau = limited.step(&mut state, &masses.input()).tau[0];
+        assert!(tau - last <= 1000.0 * DT + 1e-12);
+        last = tau;
+    }
+    assert!((last - 45.0).abs() < 1e-12);
+}
+
+fn position() -> PdGravity<2> {
+    let config = PdGravityConfig { kp: [200.0; 2], kd: [20.0; 2], tau_limit: [60.0; 2], dt: DT, filter_s: 0.0 };
+    PdGravity::try_new(config).expect("numbers in range")
+}
+
+#[test]
+fn what_is_no_number_or_no_time_is_named_latched_and_answered_safely() {
+    type Spoil = fn(&mut Input<2>);
+    let cases: [(FaultCode, usize, Spoil); 9] = [
+        (FaultCode::PositionNotFinite, 1, |i| i.q_meas[1] = f64::NAN),
+        (FaultCode::EffortNotFinite, 0, |i| i.tau_meas[0] = f64::INFINITY),
+        (FaultCode::WrenchNotFinite, 4, |i| i.wrench_meas[4] = f64::NAN),
+        (FaultCode::ReferenceNotFinite, 1, |i| i.q_ref[1] = f64::NEG_INFINITY),
+        (FaultCode::ReferenceNotFinite, 0, |i| i.tau_ff[0] = f64::NAN),
+        (FaultCode::Late, 0, |i| i.dt = f64::NAN),
+        (FaultCode::Late, 0, |i| i.dt = 6.0 * DT),
+        (FaultCode::Late, 0, |i| i.dt = 0.0),
+        (FaultCode::Position, 1, |i| i.q_meas[1] = 0.15),
+    ];
+    for (code, drive, spoil) in cases {
+        let limited = Limited::try_new(position(), config()).expect("numbers in range");
+        let mut state = limited.at_rest();
+        let calm = Masses { q: [0.0; 2], v: [0.0; 2] }.input();
+        assert!(!limited.step(&mut state, &calm).health.is_faulted);
+        let mut input = calm;
+        spoil(&mut input);
+        let command = limited.step(&mut state, &input);
+        let fault = command.health.fault.expect("a fault");
+        assert_eq!((fault.code, fault.drive, command.tau), (code, drive, [SLOPE; 2]), "{fault}");
+        let after = limited.step(&mut state, &calm);
+        assert!(after.health.is_faulted && after.health.fault.is_some_and(|f| f.code == code) && after.tau == [SLOPE; 2]);
+        assert!(state.fault().is_some_and(|f| f.to_string().starts_with("fault ")));
+    }
+}
+
+#[test]
+fn frozen_measurements_are_noticed_and_moving_ones_are_not() {
+    let frozen = LimitsConfig { repeats: 5, ..config() };
+    let limited = Limited::try_new(position(), frozen).expect("numbers in range");
+    let mut state = limited.at_rest();
+    for k in 0..50 {
+        let noisy = Masses { q: [1e-9 * f64::from(k % 7 + 1), 0.0], v: [0.0; 2] };
+        assert!(!limited.step(&mut state, &noisy.input()).health.is_faulted);
+    }
+    let still = Masses { q: [0.0; 2], v: [0.0; 2] }.input();
+    let steps = (1..20).find(|_| limited.step(&mut state, &still).health.is_faulted);
+    assert_eq!(steps, Some(7), "the first is new, five repeats are allowed");
+    assert!(matches!(state.fault(), Some(Fault { code: FaultCode::Frozen, .. })));
+}
+
+#[test]
+fn a_push_of_the_environment_makes_the_robot_yield_and_a_harder_one_stops_it() {
+    let limited = Limited::try_new(position(), config()).expect("numbers in range");
+    let mut state = limited.at_rest();
+    let mut input = Masses { q: [0.0; 2], v: [0.0; 2] }.input();
+    input.q_ref = [0.1, 0.05];
+    assert!(limited.step(&mut state, &input).tau[0] > SLOPE + 10.0);
+    input.wrench_meas[2] = -70.0;
+    let command = limited.step(&mut state, &input);
+    assert_eq!(command.tau, [SLOPE; 2], "no push towards the reference");
+    assert!(command.health.acted.at(Limit::Wrench, 2) && !command.health.is_faulted);
+    input.wrench_meas[2] = -170.0;
+    let fault = limited.step(&mut state, &input).health.fault.expect("too hard");
+    assert_eq!(fault, Fault { code: FaultCode::Wrench, drive: 2, value: -170.0, limit: 100.0 });
+}
+
+#[test]
+fn references_outside_the_workspace_or_near_a_singularity_are_not_followed_but_the_way_in_is() {
+    // One drive is x, the other x + y/2, so that y is held by half: a margin that the box asks for or does not.
+    let map = LinearTask::try_new([0.0; 2], [0.0; 2], [[1.0, 0.0], [1.0, 0.5]], [0, 1]).expect("full rank");
+    let space = |margin| TaskBox { map, lower: [-0.05; 2], upper: [0.05; 2], margin };
+    let limited = Limited::within(position(), space(0.1), config()).expect("numbers in range");
+    let mut state = limited.at_rest();
+    let mut at = |q_ref: [f64; 2]| {
+        let mut input = Masses { q: [0.0; 2], v: [0.0; 2] }.input();
+        input.q_ref = q_ref;
+        let command = limited.step(&mut state, &input);
+        ((command.tau[0] - SLOPE) / 200.0, command.health.acted.any(Limit::Workspace))
+    };
+    let close = |(x, acted): (f64, bool), want: f64, has: bool| assert!((x - want).abs() < 1e-12 && acted == has, "{x} {acted}");
+    close(at([0.04, 0.04]), 0.04, false);
+    close(at([0.08, 0.08]), 0.04, true);
+    close(at([0.045, 0.045]), 0.045, false);
+    let mut outside = limited.at_rest();
+    let mut input = Masses { q: [0.09, 0.09], v: [0.0; 2] }.input();
+    for (q_ref, followed) in [(0.09, 0.09), (0.08, 0.08), (0.085, 0.08), (0.03, 0.03)] {
+        input.q_ref = [q_ref; 2];
+        let command = limited.step(&mut outside, &input);
+        assert!((command.tau[0] - SLOPE - 200.0 * (followed - 0.09)).abs() < 1e-9, "{q_ref}: {:?}", command.tau);
+    }
+    let near = Limited::within(position(), space(10.0), config()).expect("numbers in range");
+    let command = near.step(&mut near.at_rest(), &Masses { q: [0.0; 2], v: [0.0; 2] }.input());
+    assert!(command.health.acted.any(Limit::Singularity));
+}
+
+/// Answers with what it is told.
+struct Says(f64, bool);
+
+impl Controller<2> for Says {
+    type State = ();
+
+    fn at_rest(&self) {}
+
+    fn step(&self, (): &mut (), _: &Input<2>) -> Command<2> {
+        Command { tau: [1.0, self.0], health: Health { is_faulted: self.1, ..Health::default() } }
+    }
+}
+
+#[test]
+fn a_controller_that_fails_is_stopped() {
+    let calm = Masses { q: [0.0; 2], v: [0.0; 2] }.input();
+    let damped = LimitsConfig { safe: Safe::Damped([30.0; 2]), ..config() };
+    for (inner, code) in [(Says(f64::NAN, false), FaultCode::CommandNotFinite), (Says(1.0, true), FaultCode::Controller)] {
+        let limited = Limited::try_new(inner, damped).expect("numbers in range");
+        let mut state = limited.at_rest();
+        let fault = limited.step(&mut state, &calm).health.fault.expect("a fault");
+        assert_eq!(fault.code, code);
+        let mut moving = calm;
+        moving.q_meas = [0.2 * DT, 0.0];
+        // Resistance of 30 N·s/m at 0.2 m/s, the weight carried.
+        let tau = limited.step(&mut state, &moving).tau;
+        assert!((tau[0] - (SLOPE - 6.0)).abs() < 1e-9 && (tau[1] - SLOPE).abs() < 1e-12, "{tau:?}");
+    }
+    let ramp = LimitsConfig { safe: Safe::Ramp([100.0; 2]), ..config() };
+    let limited = Limited::try_new(Push([20.0; 2]), ramp).expect("numbers in range");
+    let mut state = limited.at_rest();
+    let _ = limited.step(&mut state, &calm);
+    let mut late = calm;
+    late.dt = 1.0;
+    let falling: Vec<f64> = (0..60).map(|k| limited.step(&mut state, if k == 0 { &late } else { &calm }).tau[0]).collect();
+    assert!(falling.windows(2).all(|w| w[1] <= w[0]) && falling[59].abs() < 1e-12 && falling[0] > 20.0, "{falling:?}");
+}
+
+#[test]
+fn unusable_limits_are_refused() {
+    for bad in [
+        LimitsConfig { q_lower: [0.3, 0.0], ..config() },
+        LimitsConfig { deceleration: [f64::NAN, 1.0], ..config() },
+        LimitsConfig { tau_limit: [f64::INFINITY; 2], ..config() },
+        LimitsConfig { brake: [0.0; 2], ..config() },
+        LimitsConfig { dt: f64::INFINITY, ..config() },
+        LimitsConfig { wrench_limit: [0.0; 6], ..config() },
+        LimitsConfig { safe: Safe::Ramp([-1.0; 2]), ..config() },
+    ] {
+        assert!(Limited::try_new(position(), bad).is_err(), "{bad:?}");
+    }
+}
