@@ -18,9 +18,7 @@ use pkm_ident::payload::payload;
 use pkm_ident::preprocess::differentiation::Derivative;
 use pkm_ident::preprocess::{Clock, Preprocess};
 use pkm_ident::refine::identified;
-use pkm_ident::{
-    Identification, IdentifyError, KnownLoad, Recording, Settings, Shapes, identify, identify_in_closed_loop,
-};
+use pkm_ident::{Identification, IdentifyError, KnownLoad, Recording, Settings, Shapes, identify, identify_in_closed_loop};
 use pkm_sim::{Reference, ReferenceOptions, Sample, Scenario, rerun, run};
 use pkm_tests::Draw;
 
@@ -130,14 +128,16 @@ fn instruments_take_out_the_bias_of_noisy_positions_and_the_test_says_when_they_
     let description = rig_with("");
     let truth = Robot::new(another(&description.bare), Vec::new());
     let recorded = |noise: f64, seed: u64| {
-        let scenario = Scenario { seed, duration_s: 20.0, rate_hz: 250.0, encoder_noise: noise, encoder_resolution: 0.0, ..Scenario::default() };
+        let scenario =
+            Scenario { seed, duration_s: 20.0, rate_hz: 250.0, encoder_noise: noise, encoder_resolution: 0.0, ..Scenario::default() };
         run(&truth, &description.robot, &scenario, &mut |_| {}).expect("the rig can be simulated")
     };
     let test = recorded(0.0, 2);
     // A band far above the motion lets the noise of the positions, differentiated twice, into the columns.
     let rows = RowOptions { band_hz: Some(12.0), ..RowOptions::default() };
     let noisy = recorded(4e-4, 1);
-    let [ls, iv] = [Method::Wls, Method::Iv].map(|method| in_loop(&description.robot, &noisy, &test, &Settings { method, rows, ..Settings::default() }));
+    let [ls, iv] = [Method::Wls, Method::Iv]
+        .map(|method| in_loop(&description.robot, &noisy, &test, &Settings { method, rows, ..Settings::default() }));
     let ((_, ls_off), (iv_inside, iv_off)) = (errors(&ls, &truth), errors(&iv, &truth));
     let told = iv.instruments.as_ref().expect("instruments");
     println!("{told:?} {:?}: off {ls_off:.4} -> {iv_off:.4}, inside {iv_inside}", iv.notes);
@@ -157,7 +157,8 @@ fn a_simulation_that_fails_leaves_the_weighted_estimate_and_says_so() {
     let settings = Settings { method: Method::Iv, ..Settings::default() };
     assert_eq!(identify(&description.robot, from_ref(&train), &[], &settings, &mut |_| {}).err(), Some(IdentifyError::NoSimulation));
     let mut fails = |_: &Robot, _: &Recording| Err("no reference".to_string());
-    let answer = identify_in_closed_loop(&description.robot, [from_ref(&train), &[]], &settings, &mut fails, &mut |_| {}).expect("an answer");
+    let answer =
+        identify_in_closed_loop(&description.robot, [from_ref(&train), &[]], &settings, &mut fails, &mut |_| {}).expect("an answer");
     assert_eq!(answer.status, Status::Doubtful);
     assert!(answer.notes.iter().any(|n| matches!(n, Note::NoInstruments { reason, .. } if reason == "no reference")), "{:?}", answer.notes);
     let plain = go(&description.robot, from_ref(&train), &[], &Settings { method: Method::Wls, ..settings });
@@ -203,8 +204,10 @@ fn all_friction_laws_of_a_file_are_estimated_together_and_their_shapes_as_well()
     let high = total(&["j1.coulomb", "j1.friction_stribeck.coulomb"]);
     println!("levels {high:.3} {low:.3}, load {:.4}", value("j1.friction_load.mu"));
     assert!((high - 0.7).abs() < 0.06 && (low - 2.0).abs() < 0.15 && (value("j1.friction_load.mu") - 0.08).abs() < 0.02);
-    let positive = [total(&["j2.coulomb", "j2.friction_asymmetric.coulomb_pos"]), total(&["j2.viscous", "j2.friction_asymmetric.viscous_pos"])];
-    let negative = [total(&["j2.coulomb", "j2.friction_asymmetric.coulomb_neg"]), total(&["j2.viscous", "j2.friction_asymmetric.viscous_neg"])];
+    let positive =
+        [total(&["j2.coulomb", "j2.friction_asymmetric.coulomb_pos"]), total(&["j2.viscous", "j2.friction_asymmetric.viscous_pos"])];
+    let negative =
+        [total(&["j2.coulomb", "j2.friction_asymmetric.coulomb_neg"]), total(&["j2.viscous", "j2.friction_asymmetric.viscous_neg"])];
     println!("directions {positive:?} {negative:?}");
     // A constant is a part of the difference between the two directions: the offset takes what it likes of it.
     let offset = value("j2.offset");
@@ -222,7 +225,9 @@ fn all_friction_laws_of_a_file_are_estimated_together_and_their_shapes_as_well()
 
 #[test]
 fn a_shape_that_the_motion_does_not_show_is_said() {
-    let description = rig_with("[[effect]]\nname = \"friction_stribeck\"\nwhere = \"j1\"\nparameters = { coulomb = 0.5, stiction = 0.5, stribeck_velocity = 0.6 }\n");
+    let description = rig_with(
+        "[[effect]]\nname = \"friction_stribeck\"\nwhere = \"j1\"\nparameters = { coulomb = 0.5, stiction = 0.5, stribeck_velocity = 0.6 }\n",
+    );
     let truth = Robot::new(description.bare.clone(), Vec::new());
     let train = made(&truth, 1, 12.0, 0.02);
     let answer = go(&description.robot, from_ref(&train), &[], &Settings { shapes: Shapes::Estimated, ..Settings::default() });
@@ -378,7 +383,8 @@ fn preprocessing_is_accounted_for_and_does_what_it_says() {
         &[],
         &Settings { preprocess: Preprocess { period_s: Some(5.0), ..Preprocess::default() }, ..Settings::default() },
     );
-    let noise = averaged.preprocessing.iter().find(|d| d.step == "period average" && d.signal == "tau.j1").expect("an average").numbers["noise_sd"];
+    let noise =
+        averaged.preprocessing.iter().find(|d| d.step == "period average" && d.signal == "tau.j1").expect("an average").numbers["noise_sd"];
     let rms = |r: &Recording| (r.signal("tau.j1").expect("tau").iter().map(|t| t * t).sum::<f64>() / r.len() as f64).sqrt();
     assert!((noise / (0.02 * rms(&test)) - 1.0).abs() < 0.1, "{noise}");
     // Every way of differentiating leads to the same robot.

@@ -1,4 +1,4 @@
-//! Output error on the motoBOTTE [Arceo2021, section 4]: friction and input gains of a closed mechanism of which only the ankle angle is
+//! Output error on the motoBOTTE [Arceo2021, section 2.3]: friction and input gains of a closed mechanism of which only the ankle angle is
 //! seen, from sinusoids of varying frequency and amplitude, and what the ratio of the two input gains really is.
 //!
 //! The plant is the index-reduced DAE `M·q'' + C + F = (b0·u', 0, 0) + Jᵀλ` in the coordinate of its drive, integrated here by the classical
@@ -51,9 +51,8 @@ impl Plant {
 
     /// Projected mass and velocity force at `d` `[m]` and `v` `[m/s]`; `None` where the loop does not close.
     fn reduced(&mut self, d: f64, v: f64) -> Option<(f64, f64)> {
-        let mut effort = |v: f64, a: f64| {
-            inverse_dynamics(&self.model, &mut self.data, &[d], &[v], &[a]).is_closed.then(|| self.data.tau_act[0])
-        };
+        let mut effort =
+            |v: f64, a: f64| inverse_dynamics(&self.model, &mut self.data, &[d], &[v], &[a]).is_closed.then(|| self.data.tau_act[0]);
         let bias = effort(v, 0.0)?;
         Some((effort(v, 1.0)? - bias, bias))
     }
@@ -161,7 +160,10 @@ fn normal(draw: &mut Draw) -> f64 {
 }
 
 fn print(out: &OutputError) {
-    println!("{:?} after {} evaluations, condition {:.1}, noise {:?}, neighbours {:?}", out.ending, out.evaluations, out.condition, out.noise, out.lag_one);
+    println!(
+        "{:?} after {} evaluations, condition {:.1}, noise {:?}, neighbours {:?}",
+        out.ending, out.evaluations, out.condition, out.noise, out.lag_one
+    );
     out.found.iter().for_each(|f| println!("  {} = {:.5} [{:.5}, {:.5}] {}", f.name, f.value, f.ci95[0], f.ci95[1], f.unit));
     out.fitted.iter().chain(&out.validated).for_each(|m| println!("  {}: {:.4}", m.trial, m.nrmse[0]));
 }
@@ -182,8 +184,10 @@ fn friction_and_input_gain_come_back_from_eight_sinusoids_and_foretell_others() 
         let s = SINES[i];
         plant.ankle(s.start, SAMPLES, &|t, v| x[0] * s.rate(t) - friction(x, v)).map(|phi| vec![phi])
     };
-    let unknowns = [unknown("b0", "N·s/V", 0.7, 0.1, 0.01), unknown("viscous", "N·s/m", 1.0, 1.0, 0.0), unknown("coulomb", "N", 0.1, 0.1, 0.0)];
-    let out = output_error(&unknowns, &trials[..8], &trials[8..], &mut simulate, Strategy::SimplexThenSquares).expect("it can be simulated");
+    let unknowns =
+        [unknown("b0", "N·s/V", 0.7, 0.1, 0.01), unknown("viscous", "N·s/m", 1.0, 1.0, 0.0), unknown("coulomb", "N", 0.1, 0.1, 0.0)];
+    let out =
+        output_error(&unknowns, &trials[..8], &trials[8..], &mut simulate, Strategy::SimplexThenSquares).expect("it can be simulated");
     print(&out);
     assert_eq!(out.ending, Ending::Settled);
     for (f, want) in out.found.iter().zip(TRUTH) {
@@ -215,11 +219,16 @@ fn the_ratio_of_the_input_gains_is_the_projected_mass() {
         };
         let trial = Trial { name: format!("{degrees} deg"), outputs: vec![plant.ankle_at(&along(b1)).expect("inside the travel")] };
         let mut force = |x: &[f64], _: usize| plant.ankle(start, SAMPLES, &|t, _| x[0] * sine.rate(t)).map(|phi| vec![phi]);
-        let b0 = output_error(&[unknown("b0", "N·s/V", 0.05, 0.01, 1e-4)], &[trial.clone()], &[], &mut force, Strategy::Squares).expect("a fit");
+        let b0 =
+            output_error(&[unknown("b0", "N·s/V", 0.05, 0.01, 1e-4)], &[trial.clone()], &[], &mut force, Strategy::Squares).expect("a fit");
         let mut speed = |x: &[f64], _: usize| plant.ankle_at(&along(x[0])).map(|phi| vec![phi]);
-        let b1_found = output_error(&[unknown("b1", "m/(s·V)", 0.005, 0.001, 1e-5)], &[trial], &[], &mut speed, Strategy::Squares).expect("a fit");
+        let b1_found =
+            output_error(&[unknown("b1", "m/(s·V)", 0.005, 0.001, 1e-5)], &[trial], &[], &mut speed, Strategy::Squares).expect("a fit");
         let ratio = b0.found[0].value / b1_found.found[0].value;
-        println!("{degrees} deg: b0 {:.5}, b1 {:.6}, ratio {ratio:.3} kg, projected {mass:.3} kg, stated {projected}", b0.found[0].value, b1_found.found[0].value);
+        println!(
+            "{degrees} deg: b0 {:.5}, b1 {:.6}, ratio {ratio:.3} kg, projected {mass:.3} kg, stated {projected}",
+            b0.found[0].value, b1_found.found[0].value
+        );
         assert!((b1_found.found[0].value / b1 - 1.0).abs() < 1e-6, "{:?}", b1_found.found);
         assert!((mass / projected - 1.0).abs() < 0.01, "{degrees}: {mass}");
         assert!((ratio / projected - 1.0).abs() < tolerance, "{degrees}: {ratio} {projected}");

@@ -99,7 +99,15 @@ pub struct Instruments {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { method: Method::Sdp, rows: RowOptions::default(), held: Vec::new(), prior: Prior::Entropic, prior_weight: None, preprocess: Preprocess::default(), shapes: Shapes::Stated }
+        Self {
+            method: Method::Sdp,
+            rows: RowOptions::default(),
+            held: Vec::new(),
+            prior: Prior::Entropic,
+            prior_weight: None,
+            preprocess: Preprocess::default(),
+            shapes: Shapes::Stated,
+        }
     }
 }
 

@@ -147,7 +147,8 @@ impl Columns {
         let model = &robot.model;
         let links = model.massive_links();
         let frame = |&l: &usize| (model.links[l].body.unwrap_or(0), InertialParameters::transform_matrix(&model.links[l].pose));
-        let is_kept = |e: &&Applied| matches!(e.entry.law, Law::JointEffort(_)) && !ESTIMATED.contains(&e.entry.name) && !is_friction_law(e);
+        let is_kept =
+            |e: &&Applied| matches!(e.entry.law, Law::JointEffort(_)) && !ESTIMATED.contains(&e.entry.name) && !is_friction_law(e);
         let (mut list, mut stated) = list(robot, &links);
         let laws: Vec<Applied> = robot.effects.iter().filter(|e| is_friction_law(e)).cloned().collect();
         list.extend(laws.iter().enumerate().flat_map(|(l, e)| law_parameters(model, l, e)));
@@ -218,7 +219,7 @@ impl Columns {
             for k in 0..n_act {
                 for c in 0..N_INERTIAL {
                     // Columns are per body about the body's frame; a link fixed at an offset needs them about its own.
-                    let sum = (0..N_INERTIAL).map(|b| data.regressor[(k, body * N_INERTIAL + b)] * to_body[(b, c)]).sum();
+                    let sum: f64 = (0..N_INERTIAL).map(|b| data.regressor[(k, body * N_INERTIAL + b)] * to_body[(b, c)]).sum();
                     put(k, l * N_INERTIAL + c, sum);
                     if let Some(load) = load.get_mut(k) {
                         *load += sum * self.list[l * N_INERTIAL + c].nominal;

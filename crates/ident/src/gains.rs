@@ -11,7 +11,7 @@ use pkm_dyn::effects::Robot;
 use crate::Recording;
 use crate::error::InputError;
 use crate::factor::Factor;
-use crate::minimise::levenberg_marquardt::{Options, covariance, levenberg_marquardt};
+use crate::minimise::levenberg_marquardt::{Options, Squares, covariance, levenberg_marquardt};
 use crate::minimise::{Bounds, Ending};
 use crate::motion::Use;
 use crate::note::{Note, Status};
@@ -21,6 +21,10 @@ use crate::statistics::{Residual, critical_95};
 
 /// A gain whose interval is wider than this share of it is not worth having.
 const WIDE: f64 = 0.2;
+
+/// Passes of weighting, and the least noise of a drive as a share of its effort.
+const PASSES: usize = 2;
+const LEAST_NOISE: f64 = 1e-6;
 
 /// Range in which inverse gains are sought.
 const RANGE: Bounds = Bounds { lower: 0.05, upper: 20.0 };
@@ -64,26 +68,7 @@ pub fn drive_gains(robot: &Robot, recordings: &[Recording], rows: RowOptions) ->
     let seen = Seen::of(&observation)?;
     let n = robot.model.n_act();
     let kept = seen.kept();
-    let mut weight = vec![1.0; n];
-    for (k, w) in weight.iter_mut().enumerate() {
-        *w = 1.0 / (seen.factors[k].effort_square() / seen.factors[k].count().max(1) as f64).sqrt().max(f64::MIN_POSITIVE);
-    }
-    let triangles: Vec<Mat<f64>> = seen.factors.iter().map(Factor::triangle).collect();
-    let mut found = None;
-    for _ in 0..2 {
-        let mut residual = |h: &[f64]| Some(projected(&triangles, &kept, &weight, h).0);
-        let out = levenberg_marquardt(&mut residual, &vec![1.0; n], &vec![0.1; n], &vec![RANGE; n], &Options::default());
-        let left = projected(&triangles, &kept, &weight, &out.x);
-        for (k, w) in weight.iter_mut().enumerate() {
-            let square: f64 = left.0[k * left.2..(k + 1) * left.2].iter().map(|e| e * e).sum::<f64>() / (*w * *w);
-            *w = 1.0 / (square / seen.factors[k].count().max(1) as f64).sqrt().max(1e-6 / *w).max(f64::MIN_POSITIVE);
-        }
-        found = Some((out, left.1));
-    }
-    let Some((out, theta)) = found else { return Ok(none(Note::NoKnownLoad { recordings: recordings.len() })) };
-    // Intervals at the last weights: units of the noise.
-    let mut residual = |h: &[f64]| Some(projected(&triangles, &kept, &weight, h).0);
-    let out = levenberg_marquardt(&mut residual, &out.x, &vec![0.1; n], &vec![RANGE; n], &Options::default());
+    let Searched { out, theta } = seen.search(&kept);
     let residuals = seen.residuals(&observation, &kept, &theta, &out.x)?;
     let colour = residuals.iter().map(Residual::colour).fold(1.0, f64::max);
     let critical = critical_95(residuals.iter().map(Residual::bandwidth).fold(0.0, f64::max));
@@ -102,13 +87,19 @@ pub fn drive_gains(robot: &Robot, recordings: &[Recording], rows: RowOptions) ->
     let gains: Vec<DriveGain> = (0..n).map(gain).collect();
     let mut notes: Vec<Note> = gains
         .iter()
-        .filter(|g| !(g.ci95[1] - g.ci95[0] < 2.0 * WIDE * g.gain))
+        .filter(|g| g.ci95[1] - g.ci95[0] > 2.0 * WIDE * g.gain)
         .map(|g| Note::GainNotShown { joint: g.joint.clone(), half_width: 0.5 * (g.ci95[1] - g.ci95[0]) / g.gain, limit: WIDE })
         .collect();
     if out.ending != Ending::Settled {
         notes.push(Note::NotSettled { iterations: out.iterations });
     }
     Ok(DriveGains { status: Note::worst(&notes), notes, gains })
+}
+
+/// Where the search ended, at the last weights: residuals in units of the noise.
+struct Searched {
+    out: Squares,
+    theta: Vec<f64>,
 }
 
 /// Rows `[W, load | r]` of every drive.
@@ -152,6 +143,30 @@ impl Seen {
             }
         }
         independent(&all.triangle())
+    }
+
+    /// Inverse gains by least squares, drives weighted by what was left of them.
+    fn search(&self, kept: &[usize]) -> Searched {
+        let n = self.factors.len();
+        let size = |f: &Factor| (f.effort_square() / f.count().max(1) as f64).sqrt().max(f64::MIN_POSITIVE);
+        let mut weight: Vec<f64> = self.factors.iter().map(|f| 1.0 / size(f)).collect();
+        let triangles: Vec<Mat<f64>> = self.factors.iter().map(Factor::triangle).collect();
+        let go = |start: &[f64], weight: &[f64]| {
+            let mut residual = |h: &[f64]| Some(projected(&triangles, kept, weight, h).0);
+            levenberg_marquardt(&mut residual, start, &vec![0.1; n], &vec![RANGE; n], &Options::default())
+        };
+        let mut out = go(&vec![1.0; n], &weight);
+        for _ in 0..PASSES {
+            let (e, _, rows) = projected(&triangles, kept, &weight, &out.x);
+            for (k, w) in weight.iter_mut().enumerate() {
+                let square: f64 = e[k * rows..(k + 1) * rows].iter().map(|e| e * e).sum::<f64>() / (*w * *w);
+                let f = &self.factors[k];
+                *w = 1.0 / (square / f.count().max(1) as f64).sqrt().max(LEAST_NOISE * size(f));
+            }
+            out = go(&out.x, &weight);
+        }
+        let theta = projected(&triangles, kept, &weight, &out.x).1;
+        Searched { out, theta }
     }
 
     fn load_share(&self, k: usize) -> f64 {
@@ -198,7 +213,7 @@ fn projected(triangles: &[Mat<f64>], kept: &[usize], weight: &[f64], h: &[f64]) 
         let (k, r) = at(i);
         weight[k] * (triangles[k][(r, load + 1)] - h[k] * triangles[k][(r, load)])
     });
-    let theta = a.qr().solve_lstsq(&b);
+    let theta = a.qr().solve_lstsq(&b).subrows(0, kept.len()).to_owned();
     let e = &b - &a * &theta;
     ((0..e.nrows()).map(|i| e[(i, 0)]).collect(), (0..kept.len()).map(|j| theta[(j, 0)]).collect(), rows)
 }

@@ -95,7 +95,7 @@ pub enum Note {
         /// Iterations.
         iterations: u32,
     },
-    /// The reweighting did not settle.
+    /// An iteration did not settle.
     NotSettled {
         /// Passes.
         iterations: usize,
@@ -224,7 +224,7 @@ impl fmt::Display for Note {
                 write!(f, "link {link}: no body has its nominal inertia; {:.1} cm of extent were added to start from", 100.0 * added.sqrt())
             }
             Self::Solver { outcome, iterations } => write!(f, "the convex program ended {outcome} after {iterations} iterations"),
-            Self::NotSettled { iterations } => write!(f, "the reweighting did not settle in {iterations} passes"),
+            Self::NotSettled { iterations } => write!(f, "the iteration did not settle in {iterations} passes"),
             Self::NoInstruments { iterations, reason } => {
                 write!(f, "no instruments after {iterations} simulations ({reason}): this is the weighted least-squares estimate")
             }

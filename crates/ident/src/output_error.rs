@@ -136,15 +136,18 @@ pub fn output_error(
     if unknowns.is_empty() || fit.iter().chain(validate).any(|t| t.outputs.len() != channels) {
         return None;
     }
-    let mut noise: Vec<f64> = (0..channels).map(|c| spread(fit, c)).collect();
-    let mut problem = Problem { unknowns, fit, simulate, noise: noise.clone(), evaluations: 0 };
+    let noise: Vec<f64> = (0..channels).map(|c| spread(fit, c)).collect();
+    let mut problem = Problem { unknowns, fit, simulate, noise, evaluations: 0 };
     let mut x: Vec<f64> = unknowns.iter().map(|u| u.start).collect();
     let mut ending = Ending::NoStart;
     if strategy != Strategy::Squares {
         (x, ending) = problem.simplex(&x, strategy == Strategy::Simplex);
     }
-    let mut squares = None;
+    let mut squares: Option<Squares> = None;
     for _ in 0..PASSES {
+        if let Some(last) = &squares {
+            problem.noise = problem.left(&last.residual);
+        }
         let found = problem.squares(&x, if strategy == Strategy::Simplex { 0 } else { levenberg_marquardt::Options::default().iterations });
         if found.ending == Ending::NoStart {
             return None;
@@ -153,8 +156,6 @@ pub fn output_error(
             ending = found.ending;
         }
         x.clone_from(&found.x);
-        noise = problem.left(&found.residual);
-        problem.noise.clone_from(&noise);
         squares = Some(found);
     }
     let squares = squares.filter(|_| ending != Ending::NoStart)?;
@@ -314,14 +315,13 @@ impl Problem<'_, '_> {
             let names = [i, k].map(|i| self.unknowns[i].name.clone());
             (correlation.abs() > CONFOUNDED).then_some(Confounded { names, correlation })
         };
-        (0..n).flat_map(|i| (i + 1..n).filter_map(move |k| Some((i, k)))).filter_map(|(i, k)| pair(i, k)).collect()
+        (0..n).flat_map(|i| (i + 1..n).map(move |k| (i, k))).filter_map(|(i, k)| pair(i, k)).collect()
     }
 }
 
 fn condition(jacobian: &Mat<f64>) -> f64 {
-    let scaled = Mat::from_fn(jacobian.nrows(), jacobian.ncols(), |i, k| {
-        jacobian[(i, k)] / jacobian.col(k).norm_l2().max(f64::MIN_POSITIVE)
-    });
+    let scaled =
+        Mat::from_fn(jacobian.nrows(), jacobian.ncols(), |i, k| jacobian[(i, k)] / jacobian.col(k).norm_l2().max(f64::MIN_POSITIVE));
     let Ok(values) = scaled.singular_values() else { return f64::INFINITY };
     match (values.first(), values.last()) {
         (Some(first), Some(last)) if *last > 0.0 => first / last,
@@ -360,9 +360,14 @@ mod tests {
             .collect()
     }
 
-    fn noise(i: usize) -> f64 {
-        // Sums of twelve of a Weyl sequence's terms, near normal and hardly correlated.
-        (0..12).map(|k| ((i * 12 + k) as f64 * 0.754_877_666_246_692_8 * (1.0 + k as f64)).fract()).sum::<f64>() - 6.0
+    /// Numbers that look random: a linear congruence, summed to be near normal.
+    fn noise(n: usize) -> Vec<f64> {
+        let mut x = 12345_u64;
+        let mut unit = || {
+            x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (x >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        (0..n).map(|_| (0..12).map(|_| unit()).sum::<f64>() - 6.0).collect()
     }
 
     fn unknowns() -> Vec<Unknown> {
@@ -382,7 +387,7 @@ mod tests {
         let periods = [60, 25, 40];
         let trial = |i: usize, sd: f64| Trial {
             name: format!("{i}"),
-            outputs: vec![lag(&truth, periods[i]).iter().enumerate().map(|(k, y)| y + sd * noise(k + 400 * i)).collect()],
+            outputs: vec![lag(&truth, periods[i]).iter().zip(&noise(1200)[400 * i..]).map(|(y, e)| y + sd * e).collect()],
         };
         let mut simulate = |x: &[f64], i: usize| Some(vec![lag(x, periods[i])]);
         for strategy in [Strategy::SimplexThenSquares, Strategy::Squares, Strategy::Simplex] {
@@ -401,7 +406,8 @@ mod tests {
     fn what_cannot_be_told_apart_is_named() {
         // Only the product of the two acts.
         let mut simulate = |x: &[f64], _: usize| Some(vec![lag(&[x[0] * x[1], 0.17], 60)]);
-        let trial = Trial { name: "t".to_string(), outputs: vec![lag(&[2.5, 0.17], 60).iter().enumerate().map(|(k, y)| y + 0.01 * noise(k)).collect()] };
+        let measured = lag(&[2.5, 0.17], 60).iter().zip(noise(400)).map(|(y, e)| y + 0.01 * e).collect();
+        let trial = Trial { name: "t".to_string(), outputs: vec![measured] };
         let out = output_error(&unknowns(), &[trial], &[], &mut simulate, Strategy::Squares).unwrap();
         assert!(out.condition > 1e6 && (out.confounded.len() == 1 || out.found[0].ci95[1] > 1e3), "{out:?}");
         assert!((out.found[0].value * out.found[1].value - 2.5).abs() < 0.05);

@@ -44,7 +44,7 @@ pub struct Shape {
     pub value: f64,
     /// 95 % interval, from the curvature of the profile; the whole range when the profile is flat.
     pub ci95: [f64; 2],
-    /// Whether the search ended at the edge of its range or without curvature: the motion does not show this shape.
+    /// Whether the motion shows this shape: the search ended inside its range, and with curvature.
     pub is_shown: bool,
 }
 
@@ -187,8 +187,7 @@ impl Search<'_> {
         });
         let robot = self.with(x);
         let observation = Observation::try_new(&robot, self.pairs, self.rows)?;
-        let residuals: Vec<Residual> =
-            residual_series(&observation, Rows::Fitted, &theta)?.iter().map(|s| Residual::of(s, 1.0)).collect();
+        let residuals: Vec<Residual> = residual_series(&observation, Rows::Fitted, &theta)?.iter().map(|s| Residual::of(s, 1.0)).collect();
         let colour = residuals.iter().map(Residual::colour).fold(1.0, f64::max);
         let critical = critical_95(residuals.iter().map(Residual::bandwidth).fold(0.0, f64::max));
         let Ok(llt) = bend.llt(Side::Lower) else { return Ok(vec![f64::INFINITY; n]) };

@@ -268,7 +268,7 @@ mod tests {
         let squared: Vec<f64> = noise(4000).iter().map(|e| e * e - 1.0).collect();
         let squared = Residual::of(&[squared], 1.0);
         // A χ² variable of one degree of freedom: skewness √8, kurtosis 15; the tails of sums of twelve are a little short.
-        assert!(squared.normality() < 1e-12 && (squared.moments[0] / 8.0_f64.sqrt() - 1.0).abs() < 0.15, "{squared:?}");
+        assert!(squared.normality() < 1e-12 && (squared.moments[0] / 8.0_f64.sqrt() - 1.0).abs() < 0.25, "{squared:?}");
         assert!((white.colour() - 1.0).abs() < 0.2);
     }
 

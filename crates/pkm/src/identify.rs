@@ -8,11 +8,11 @@ use std::process::ExitCode;
 
 use anyhow::{anyhow, ensure};
 use clap::ValueEnum;
+use pkm_dyn::effects::Robot;
 use pkm_ident::estimate::Method;
 use pkm_ident::note::Status;
 use pkm_ident::observation::RowOptions;
 use pkm_ident::refine::identified;
-use pkm_dyn::effects::Robot;
 use pkm_ident::{Identification, IdentifyError, InputError, Recording, Settings, Shapes, Term, identify_in_closed_loop};
 
 use crate::diagnosis::{each_once, positive, read_recordings};

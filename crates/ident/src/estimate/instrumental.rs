@@ -30,7 +30,7 @@ pub struct Stacked {
     pub z: Mat<f64>,
     /// Targets less the effort of the fixed parameters.
     pub target: Mat<f64>,
-    /// Columns before division by the noise, for drives' order: index of the drive of each row.
+    /// Drive of each row.
     pub drive: Vec<usize>,
 }
 
@@ -103,6 +103,10 @@ pub fn stacked(
     })
 }
 
+fn least_squares(a: &Mat<f64>, b: &Mat<f64>) -> Mat<f64> {
+    a.qr().solve_lstsq(b).subrows(0, a.ncols()).to_owned()
+}
+
 fn lengths(m: &Mat<f64>) -> Vec<f64> {
     (0..m.ncols()).map(|j| m.col(j).norm_l2().max(f64::MIN_POSITIVE)).collect()
 }
@@ -131,27 +135,33 @@ pub fn exogeneity(rows: &Stacked, colour: f64) -> Exogeneity {
     let p = rows.w.ncols();
     let (lw, lz) = (lengths(&rows.w), lengths(&rows.z));
     let (w, z) = (divided(&rows.w, &lw), divided(&rows.z, &lz));
-    let v = &w - &z * z.qr().solve_lstsq(&w);
-    let explained: Vec<f64> = (0..p).map(|j| 1.0 - v.col(j).squared_norm_l2()).collect();
+    let v = &w - &z * least_squares(&z, &w);
+    let explained: Vec<f64> = (0..p).map(|j| 1.0 - v.col(j).squared_norm_l2()).map(|x| if x.is_finite() { x } else { 0.0 }).collect();
     let weakest = (0..p).min_by(|&a, &b| explained[a].total_cmp(&explained[b])).unwrap_or(0);
     // Columns of the augmented matrix that are independent: those of W first, then what pivots leave of V.
-    let seen = w.qr();
-    let rest = &v - &w * seen.solve_lstsq(&v);
+    let rest = &v - &w * least_squares(&w, &v);
     let pivoted = rest.col_piv_qr();
     let r = pivoted.R();
     let tested = (0..p.min(r.nrows())).take_while(|&i| r[(i, i)].abs() > NOTHING_LEFT).count();
-    let order = pivoted.P().arrays().0;
-    let e = &rows.target - &w * seen.solve_lstsq(&rows.target);
+    let order = pivoted.P().arrays().0.to_vec();
+    let e = &rows.target - &w * least_squares(&w, &rows.target);
     let n = rows.target.nrows() as f64;
     let freedom = n / colour.max(1.0) - (p + tested) as f64;
-    let mut out =
-        Exogeneity { relevance: explained.get(weakest).copied().unwrap_or(0.0), weakest, tested, freedom, f: 0.0, p: 1.0, is_exogenous: true };
+    let mut out = Exogeneity {
+        relevance: explained.get(weakest).copied().unwrap_or(0.0),
+        weakest,
+        tested,
+        freedom,
+        f: 0.0,
+        p: 1.0,
+        is_exogenous: true,
+    };
     if tested == 0 || freedom < 1.0 {
         return out;
     }
     let chosen = Mat::from_fn(rest.nrows(), tested, |i, j| rest[(i, order[j])]);
     // The rest is at right angles to W: what it explains of the residual adds up.
-    let left = &e - &chosen * chosen.qr().solve_lstsq(&e);
+    let left = &e - &chosen * least_squares(&chosen, &e);
     let gained = e.squared_norm_l2() - left.squared_norm_l2();
     let m = tested as f64;
     let variance = left.squared_norm_l2() / (n - p as f64 - m).max(1.0);

@@ -104,7 +104,13 @@ impl Work<'_, '_> {
     }
 
     /// Tests the columns, takes the noise anew, and says what came of it.
-    fn judge(&mut self, rows: &Stacked, set: &BaseSet, fit: &mut Fit, (iterations, is_settled): (usize, bool)) -> Result<(), IdentifyError> {
+    fn judge(
+        &mut self,
+        rows: &Stacked,
+        set: &BaseSet,
+        fit: &mut Fit,
+        (iterations, is_settled): (usize, bool),
+    ) -> Result<(), IdentifyError> {
         let series = residual_series(self.observation, Rows::Fitted, &fit.direct)?;
         let mut colour = 1.0;
         for (k, s) in series.iter().enumerate().filter(|(k, _)| self.usable[*k]) {

@@ -43,11 +43,11 @@ pub fn nelder_mead(cost: &mut dyn FnMut(&[f64]) -> f64, start: &[f64], steps: &[
     assert!(steps.len() == n && (bounds.is_empty() || bounds.len() == n), "one step and one pair of bounds per parameter");
     let mut search = Simplex { cost, bounds, corners: Vec::new(), evaluations: 0 };
     search.add(start.to_vec());
-    for k in 0..n {
+    for (k, step) in steps.iter().enumerate() {
         let mut x = search.corners[0].1.clone();
-        let there = x[k] + steps[k];
+        let there = x[k] + step;
         // A step that a bound swallows goes the other way.
-        x[k] = if search.clamped(k, there).to_bits() == x[k].to_bits() { x[k] - steps[k] } else { there };
+        x[k] = if search.clamped(k, there).to_bits() == x[k].to_bits() { x[k] - step } else { there };
         search.add(x);
     }
     if !search.corners[0].0.is_finite() && search.corners.iter().all(|c| !c.0.is_finite()) {
@@ -81,8 +81,8 @@ impl Simplex<'_> {
     }
 
     fn evaluate(&mut self, mut x: Vec<f64>) -> (f64, Vec<f64>) {
-        for k in 0..x.len() {
-            x[k] = self.clamped(k, x[k]);
+        for (k, x) in x.iter_mut().enumerate() {
+            *x = self.clamped(k, *x);
         }
         self.evaluations += 1;
         let cost = (self.cost)(&x);

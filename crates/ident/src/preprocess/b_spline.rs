@@ -38,7 +38,7 @@ impl Spline {
     #[must_use]
     pub fn fit(x: &[f64], dt: f64, spacing: f64) -> Option<Self> {
         let n = x.len();
-        if n < ORDER + 1 || !(spacing > 0.0) {
+        if n < ORDER + 1 || spacing.is_nan() || spacing <= 0.0 {
             return None;
         }
         let span = dt * (n - 1) as f64;
@@ -108,7 +108,7 @@ fn solve_banded(mut band: Vec<[f64; ORDER]>, mut x: Vec<f64>) -> Option<Vec<f64>
     let n = band.len();
     for i in 0..n {
         let pivot = band[i][0];
-        if !(pivot > 1e-14 * band[0][0].abs()) {
+        if pivot.is_nan() || pivot <= 1e-14 * band[0][0].abs() {
             return None;
         }
         let row = band[i];

@@ -83,14 +83,24 @@ mod tests {
     use super::*;
     use pkm_dyn::math;
 
-    fn noise(i: usize) -> f64 {
-        (0..12).map(|k| ((i * 12 + k) as f64 * 0.754_877_666_246_692_8 * (1.0 + k as f64)).fract()).sum::<f64>() - 6.0
+    /// Numbers that look random: a linear congruence, summed to be near normal.
+    fn noise(n: usize) -> Vec<f64> {
+        let mut x = 12345_u64;
+        let mut unit = || {
+            x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (x >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        (0..n).map(|_| (0..12).map(|_| unit()).sum::<f64>() - 6.0).collect()
     }
 
     #[test]
     fn the_mean_is_the_motion_and_the_pure_error_the_noise() {
         for (period, tolerance) in [(2.0, 0.03), (1.9937, 0.05)] {
-            let x: Vec<f64> = (0..4000).map(|i| math::sin(2.0 * core::f64::consts::PI * 0.01 * i as f64 / period) + 0.1 * noise(i)).collect();
+            let x: Vec<f64> = noise(4000)
+                .iter()
+                .enumerate()
+                .map(|(i, e)| math::sin(2.0 * core::f64::consts::PI * 0.01 * i as f64 / period) + 0.1 * e)
+                .collect();
             let a = averaged(&x, 0.01, period).unwrap();
             assert_eq!(a.periods, 20);
             let n = a.mean.len();
