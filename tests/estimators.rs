@@ -113,14 +113,17 @@ fn in_loop(nominal: &Robot, train: &Recording, test: &Recording, settings: &Sett
 fn errors(answer: &Identification, truth: &Robot) -> (f64, f64) {
     let set = answer.set.as_ref().expect("an answer");
     let want = set.project(&Columns::new(truth).nominal());
-    let (mut inside, mut off) = (0.0, 0.0);
+    let (mut inside, mut off, mut known) = (0.0, 0.0, 0.0);
     for (p, want) in answer.parameters.iter().zip(&want) {
         println!("  {}: {:.4} [{:.4}, {:.4}], true {want:.4}", p.name, p.value, p.ci95[0], p.ci95[1]);
-        inside += f64::from(u8::from(p.ci95[0] <= *want && *want <= p.ci95[1]));
-        off += (p.value / want - 1.0) * (p.value / want - 1.0);
+        inside += f64::from(u8::from(p.ci95[0] <= *want && *want <= p.ci95[1])) / answer.parameters.len() as f64;
+        // An offset that is zero has no relative error.
+        if want.abs() > 1e-6 {
+            off += (p.value / want - 1.0) * (p.value / want - 1.0);
+            known += 1.0;
+        }
     }
-    let n = want.len() as f64;
-    (inside / n, (off / n).sqrt())
+    (inside, (off / f64::max(known, 1.0)).sqrt())
 }
 
 #[test]
@@ -135,7 +138,7 @@ fn instruments_take_out_the_bias_of_noisy_positions_and_the_test_says_when_they_
     let test = recorded(0.0, 2);
     // A band far above the motion lets the noise of the positions, differentiated twice, into the columns.
     let rows = RowOptions { band_hz: Some(12.0), ..RowOptions::default() };
-    let noisy = recorded(4e-4, 1);
+    let noisy = recorded(1.5e-3, 1);
     let [ls, iv] = [Method::Wls, Method::Iv]
         .map(|method| in_loop(&description.robot, &noisy, &test, &Settings { method, rows, ..Settings::default() }));
     let ((_, ls_off), (iv_inside, iv_off)) = (errors(&ls, &truth), errors(&iv, &truth));

@@ -13,8 +13,8 @@ use pkm_ident::minimise::{Bounds, Ending};
 use pkm_ident::output_error::{OutputError, Strategy, Trial, Unknown, output_error};
 use pkm_tests::Draw;
 
-/// Period of the records, and of the integration `[s]`: the fastest sinusoid has 100 steps per period.
-const DT: f64 = 0.01;
+/// Period of the records, and of the integration `[s]`: the fastest sinusoid has 50 steps per period.
+const DT: f64 = 0.02;
 
 /// Speed over which the plant's dry friction passes through zero `[m/s]`.
 const SOFT: f64 = 2e-3;
@@ -142,10 +142,10 @@ const SINES: [Sine; 10] = [
     Sine { amplitude: 8.0, frequency: 0.9, start: 0.06 },
 ];
 
-const SAMPLES: usize = 500;
+const SAMPLES: usize = 250;
 
 /// Input gain b0 `[N·s/V]`, viscous `[N·s/m]` and dry friction `[N]` of the piston.
-const TRUTH: [f64; 3] = [0.9, 3.5, 0.35];
+const TRUTH: [f64; 3] = [0.0627, 1.5, 0.03];
 
 fn friction(x: &[f64], v: f64) -> f64 {
     x[1] * v + x[2] * math::tanh(v / SOFT)
@@ -185,13 +185,12 @@ fn friction_and_input_gain_come_back_from_eight_sinusoids_and_foretell_others() 
         plant.ankle(s.start, SAMPLES, &|t, v| x[0] * s.rate(t) - friction(x, v)).map(|phi| vec![phi])
     };
     let unknowns =
-        [unknown("b0", "N·s/V", 0.7, 0.1, 0.01), unknown("viscous", "N·s/m", 1.0, 1.0, 0.0), unknown("coulomb", "N", 0.1, 0.1, 0.0)];
-    let out =
-        output_error(&unknowns, &trials[..8], &trials[8..], &mut simulate, Strategy::SimplexThenSquares).expect("it can be simulated");
+        [unknown("b0", "N·s/V", 0.05, 0.005, 0.01), unknown("viscous", "N·s/m", 0.5, 0.5, 0.0), unknown("coulomb", "N", 0.01, 0.01, 0.0)];
+    let out = output_error(&unknowns, &trials[..8], &trials[8..], &mut simulate, Strategy::Squares).expect("it can be simulated");
     print(&out);
     assert_eq!(out.ending, Ending::Settled);
     for (f, want) in out.found.iter().zip(TRUTH) {
-        assert!((f.value / want - 1.0).abs() < 0.03, "{f:?}, true {want}");
+        assert!((f.value / want - 1.0).abs() < 0.05, "{f:?}, true {want}");
         assert!(f.ci95[0] - 0.2 * (f.ci95[1] - f.ci95[0]) < want && want < f.ci95[1] + 0.2 * (f.ci95[1] - f.ci95[0]), "{f:?}, true {want}");
     }
     assert!(out.fitted.iter().chain(&out.validated).all(|m| m.nrmse[0] < 0.02), "{:?} {:?}", out.fitted, out.validated);
