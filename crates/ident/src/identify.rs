@@ -101,11 +101,11 @@ pub fn identify_in_closed_loop(
     all_of_it(robot, recordings, settings, Some(simulate), progress)
 }
 
-fn all_of_it(
+fn all_of_it<'s>(
     robot: &Robot,
     [fit, holdout]: [&[Recording]; 2],
     settings: &Settings,
-    simulate: Option<&mut Simulate<'_>>,
+    simulate: Option<&'s mut Simulate<'s>>,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Identification, IdentifyError> {
     let kind = if holdout.is_empty() { Use::Both } else { Use::Fit };
@@ -135,10 +135,7 @@ fn all_of_it(
         notes: shapes.iter().filter(|s| !s.is_shown).map(not_shown).collect(),
         usable: Vec::new(),
         recordings: &fit,
-        simulate: match simulate {
-            Some(simulate) => Some(simulate),
-            None => None,
-        },
+        simulate,
         foretold: Vec::new(),
         instruments: None,
         before: (done, shapes),
@@ -165,7 +162,7 @@ fn structure(robot: &Robot, columns: &Columns) -> Result<Mat<f64>, IdentifyError
     Ok(factor.triangle())
 }
 
-struct Work<'w, 'r> {
+struct Work<'w, 'r, 's> {
     observation: &'w Observation<'r>,
     factors: Factors,
     judged: Factors,
@@ -176,7 +173,7 @@ struct Work<'w, 'r> {
     usable: Vec<bool>,
     /// Recordings that are fitted.
     recordings: &'w [Recording],
-    simulate: Option<&'w mut Simulate<'w>>,
+    simulate: Option<&'s mut Simulate<'s>>,
     /// The same as the last estimate by instruments foretells them.
     foretold: Vec<Recording>,
     instruments: Option<Instruments>,
@@ -204,7 +201,7 @@ struct Fit {
     prior_weight: f64,
 }
 
-impl Work<'_, '_> {
+impl Work<'_, '_, '_> {
     fn run(&mut self, progress: &mut dyn FnMut(f64)) -> Result<Identification, IdentifyError> {
         self.look_at_motion();
         let free = self.free();

@@ -21,7 +21,7 @@ const STEPS: usize = 10;
 /// Settled when no row's prediction moves by more than this share of the noise, root mean square.
 const SETTLED: f64 = 1e-2;
 
-impl Work<'_, '_> {
+impl Work<'_, '_, '_> {
     /// Recordings with the positions that `theta` foretells, as an observation in the same band.
     pub(super) fn foretold(&self, recordings: &[Recording]) -> Result<Observation<'_>, InputError> {
         let kinds = self.observation.motions().iter().map(|m| m.used).filter(|u| *u != Use::Holdout);

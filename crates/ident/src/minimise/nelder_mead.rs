@@ -3,6 +3,9 @@
 
 use super::{Bounds, Ending};
 
+/// Share of the first cost that is nothing any more.
+const NOTHING: f64 = 1e-8;
+
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
@@ -41,8 +44,9 @@ pub struct Minimum {
 pub fn nelder_mead(cost: &mut dyn FnMut(&[f64]) -> f64, start: &[f64], steps: &[f64], bounds: &[Bounds], options: &Options) -> Minimum {
     let n = start.len();
     assert!(steps.len() == n && (bounds.is_empty() || bounds.len() == n), "one step and one pair of bounds per parameter");
-    let mut search = Simplex { cost, bounds, corners: Vec::new(), evaluations: 0 };
+    let mut search = Simplex { cost, bounds, corners: Vec::new(), first: 0.0, evaluations: 0 };
     search.add(start.to_vec());
+    search.first = if search.corners[0].0.is_finite() { search.corners[0].0.abs() } else { 0.0 };
     for (k, step) in steps.iter().enumerate() {
         let mut x = search.corners[0].1.clone();
         let there = x[k] + step;
@@ -72,6 +76,8 @@ struct Simplex<'s> {
     bounds: &'s [Bounds],
     /// Costs and corners.
     corners: Vec<(f64, Vec<f64>)>,
+    /// Cost at the start, where it has one.
+    first: f64,
     evaluations: usize,
 }
 
@@ -99,7 +105,8 @@ impl Simplex<'_> {
         let reach = |x: &Vec<f64>| x.iter().zip(best).zip(steps).map(|((a, b), s)| ((a - b) / s).abs()).fold(0.0, f64::max);
         let extent = self.corners.iter().map(|c| reach(&c.1)).fold(0.0, f64::max);
         let spread = self.corners[self.corners.len() - 1].0 - low;
-        extent <= options.step && spread <= options.cost * low.abs().max(f64::MIN_POSITIVE)
+        // A cost that falls to zero has no share of itself left: then a tiny share of the first one counts.
+        extent <= options.step && spread <= options.cost * low.abs().max(NOTHING * self.first)
     }
 
     /// One step with sorted corners: reflect the worst one, and expand, contract or shrink as that turns out.

@@ -79,7 +79,8 @@ fn is_signal(name: &str) -> bool {
     ["q.", "dq.", "tau.", "q_ref.", "dq_ref."].iter().any(|start| name.starts_with(start))
 }
 
-/// The recording after all steps but the shift of clocks, and what they did.
+/// The recording after all steps but the shift of clocks, and what they did. Where samples are thinned or averaged only the signals of the
+/// drives are kept.
 ///
 /// # Errors
 /// A period that does not fit twice into the recording, or a rate that is none.

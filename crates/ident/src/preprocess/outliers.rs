@@ -18,7 +18,7 @@ pub struct Replaced {
 /// Replaces samples further than `limit` robust standard deviations from the median around them by that median (the Hampel filter).
 ///
 /// The deviation is that of the distances over the whole signal, not over the neighbourhood, where a signal held between updates has none.
-/// What it does to noise: nothing inside the limit. Unknown samples (NaN) stay unknown.
+/// What it does to noise: nothing inside the limit. Unknown samples (NaN) stay unknown; the first and the last one have no neighbourhood.
 pub fn replace(x: &mut [f64], limit: f64) -> Replaced {
     let n = x.len();
     let median = |mut window: Vec<f64>| {
@@ -26,7 +26,13 @@ pub fn replace(x: &mut [f64], limit: f64) -> Replaced {
         let m = window.len();
         if m == 0 { f64::NAN } else { 0.5 * (window[m / 2] + window[(m - 1) / 2]) }
     };
-    let around = |i: usize| x[i.saturating_sub(NEIGHBOURS)..(i + NEIGHBOURS + 1).min(n)].iter().copied().filter(|x| !x.is_nan()).collect();
+    // Neighbours come in pairs, one from each side: the median of a slope is then its middle, at ends and gaps as well.
+    let around = |i: usize| {
+        let pair = |j: usize| (i >= j && i + j < n).then(|| [x[i - j], x[i + j]]).filter(|p| p.iter().all(|x| !x.is_nan()));
+        let mut window: Vec<f64> = (1..=NEIGHBOURS).filter_map(pair).flatten().collect();
+        window.push(x[i]);
+        window
+    };
     let medians: Vec<f64> = (0..n).map(|i| median(around(i))).collect();
     let distances: Vec<f64> = x.iter().zip(&medians).map(|(x, m)| (x - m).abs()).collect();
     let mut sorted: Vec<f64> = distances.iter().copied().filter(|d| *d > 0.0).collect();
@@ -53,7 +59,7 @@ mod tests {
     fn spikes_go_and_everything_else_stays() {
         let clean: Vec<f64> = (0..500).map(|i| math::sin(0.05 * f64::from(i)) + 0.001 * f64::from(i * 37 % 11)).collect();
         let mut x = clean.clone();
-        let at = [3, 4, 60, 250, 499];
+        let at = [3, 4, 60, 250, 495];
         at.iter().for_each(|&i| x[i] += 5.0);
         x[100] = f64::NAN;
         let found = replace(&mut x, 10.0);
