@@ -20,7 +20,7 @@ pub(super) struct Preparation {
     #[arg(long, value_name = "SECONDS", value_parser = positive)]
     period: Option<f64>,
     /// Efforts are stamped this much too late (negative: too early).
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, conflicts_with = "find_late")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, conflicts_with = "find_late", value_parser = finite)]
     late: Option<f64>,
     /// Estimate how late efforts are, to this much to either side.
     #[arg(long, value_name = "SECONDS", value_parser = positive)]
@@ -51,6 +51,10 @@ impl ValueEnum for DerivativeName {
     fn to_possible_value(&self) -> Option<clap::builder::PossibleValue> {
         Some(clap::builder::PossibleValue::new(self.0.name()))
     }
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    text.parse::<f64>().ok().filter(|x| x.is_finite()).ok_or_else(|| "must be a finite number".to_string())
 }
 
 impl Preparation {
