@@ -109,7 +109,7 @@ impl Plant {
     }
 }
 
-/// A voltage `a·sin(2πft)`, and its rate.
+/// A voltage `a·sin(2πft)`.
 #[derive(Clone, Copy)]
 struct Sine {
     amplitude: f64,
@@ -118,10 +118,7 @@ struct Sine {
 }
 
 impl Sine {
-    fn voltage(&self, t: f64) -> f64 {
-        self.amplitude * math::sin(2.0 * PI * self.frequency * t)
-    }
-
+    /// Its rate `[V/s]`: what acts on the piston.
     fn rate(&self, t: f64) -> f64 {
         let w = 2.0 * PI * self.frequency;
         self.amplitude * w * math::cos(w * t)
