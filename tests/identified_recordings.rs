@@ -74,7 +74,7 @@ fn emps_has_the_published_parameters() {
     let robot = load(&folder.join("robot.toml")).expect("the robot reads");
     let [train, pulses] = ["train.csv", "pulses.csv"].map(|f| read(&folder.join(f)));
     // As the authors did it: all samples, a sharp sign of velocity, 100 Hz.
-    let rows = RowOptions { band_hz: Some(100.0), standstill: Standstill::Keep, softness: 1e-9 };
+    let rows = RowOptions { band_hz: Some(100.0), standstill: Standstill::Keep, softness: 1e-9, ..RowOptions::default() };
     let answer = go(&robot, &[train], &[pulses], &Settings { method: Method::Ols, rows, ..Settings::default() });
     let value = |start: &str| answer.parameters.iter().find(|p| p.name.starts_with(start)).unwrap_or_else(|| panic!("{start}"));
     // [Janot2019], least squares on the inverse dynamics model, with their standard deviations.

@@ -295,7 +295,7 @@ class Identification:
         cls,
         robot: Robot,
         *,
-        method: Literal["sdp", "wls", "relevant", "ols", "huber", "bisquare", "tls", "ridge"] = "sdp",
+        method: Literal["sdp", "wls", "relevant", "ols", "huber", "bisquare", "tls", "ridge", "iv"] = "sdp",
         band_hz: float | None = None,
         hold: Sequence[Literal["rotor", "friction", "passive-friction", "offset", "stiffness"]] = ...,
     ) -> Identification:

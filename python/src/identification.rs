@@ -3,12 +3,13 @@
 use alloc::sync::Arc;
 
 use numpy::{PyArray1, PyArray2};
+use pkm_dyn::effects;
 use pkm_dyn::urdf::{self, Description};
 use pkm_ident::answer::{self, JointError};
 use pkm_ident::estimate::Method;
 use pkm_ident::observation::RowOptions;
 use pkm_ident::refine::identified;
-use pkm_ident::{Settings, Term, identify};
+use pkm_ident::{Recording, Settings, Term, identify_in_closed_loop};
 use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -27,8 +28,8 @@ pub(crate) struct Identification {
 }
 
 fn method(name: &str) -> PyResult<Method> {
-    let known = || Method::ALL.map(Method::name).join(", ");
-    let found = Method::ALL.into_iter().find(|m| m.name() == name);
+    let known = || Method::EVERY.map(Method::name).join(", ");
+    let found = Method::EVERY.into_iter().find(|m| m.name() == name);
     found.ok_or_else(|| error::value(format!("method = {name:?} (must be one of {})", known())))
 }
 
@@ -46,7 +47,8 @@ impl Identification {
 
 #[pymethods]
 impl Identification {
-    /// Stores settings only. `method`: sdp, wls, relevant, ols, huber, bisquare, tls or ridge; `band_hz`: low-pass for effort and model
+    /// Stores settings only. `method`: sdp, wls, relevant, ols, huber, bisquare, tls, ridge or iv (along
+    /// the simulated loop: recordings then need q_ref.*); `band_hz`: low-pass for effort and model
     /// alike `[Hz]`, chosen from the motion when None; `hold`: terms that stay as the robot has them (rotor, friction,
     /// passive-friction, offset, stiffness).
     #[new]
@@ -68,7 +70,11 @@ impl Identification {
             let this = slf.borrow();
             (Arc::clone(&this.description), this.settings.clone())
         };
-        let answer = slf.py().detach(|| identify(&description.robot, &train, &holdout, &settings, &mut |_| {}));
+        let answer = slf.py().detach(|| {
+            let nominal = &description.robot;
+            let mut simulate = |robot: &effects::Robot, like: &Recording| pkm_sim::rerun([robot, nominal], like).map_err(|e| e.to_string());
+            identify_in_closed_loop(nominal, [&train, &holdout], &settings, &mut simulate, &mut |_| {})
+        });
         slf.borrow_mut().learned = Some(answer.map_err(|e| error::value(e.to_string()))?);
         Ok(slf)
     }

@@ -1,16 +1,21 @@
 //! What can be asked of an identification, and what it answers.
 
 use faer::Mat;
+use pkm_dyn::effects::Robot;
 
+use crate::Recording;
 use crate::base::BaseError;
 use crate::columns::Columns;
 use crate::error::InputError;
 use crate::estimate::Method;
 use crate::estimate::feasible::Prior;
+use crate::estimate::instrumental::Exogeneity;
 use crate::grouping::BaseSet;
 use crate::note::{Note, Status};
 use crate::observation::RowOptions;
+use crate::preprocess::{Done, Preprocess};
 use crate::relevant::Step;
+use crate::shapes::Shape;
 
 /// Parameters that can be held at their nominal values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,11 +62,52 @@ pub struct Settings {
     pub prior: Prior,
     /// Weight of the prior per row; by cross-validation when `None`.
     pub prior_weight: Option<f64>,
+    /// What is done to the recordings first.
+    pub preprocess: Preprocess,
+    /// Shapes of friction laws that the robot file states (a Stribeck velocity).
+    pub shapes: Shapes,
+}
+
+/// What happens to the values of friction laws that the effort is not linear in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shapes {
+    /// They stay as the robot file has them.
+    Stated,
+    /// They are estimated by variable projection.
+    Estimated,
+}
+
+/// A closed loop to be simulated: a robot and a recording in, a recording with the same time stamps, its `q.*` as the robot would have
+/// moved and any finite `tau.*`, out; or why not.
+pub type Simulate<'s> = dyn FnMut(&Robot, &Recording) -> Result<Recording, String> + 's;
+
+/// How an estimate by instrumental variables came about.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Instruments {
+    /// Simulations of all recordings.
+    pub iterations: usize,
+    /// Whether the estimate stopped moving.
+    pub is_settled: bool,
+    /// The base parameter whose column the simulated motion explains least.
+    pub weakest: String,
+    /// How much fewer the rows are for being coloured.
+    pub colour: f64,
+    /// Whether least squares would have done.
+    #[serde(flatten)]
+    pub test: Exogeneity,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { method: Method::Sdp, rows: RowOptions::default(), held: Vec::new(), prior: Prior::Entropic, prior_weight: None }
+        Self {
+            method: Method::Sdp,
+            rows: RowOptions::default(),
+            held: Vec::new(),
+            prior: Prior::Entropic,
+            prior_weight: None,
+            preprocess: Preprocess::default(),
+            shapes: Shapes::Stated,
+        }
     }
 }
 
@@ -101,6 +147,8 @@ pub struct JointError {
     pub lag_one: f64,
     /// Whether the fit's residual could be white noise.
     pub is_white: bool,
+    /// How often normal noise would be as skewed or heavy-tailed as the fit's residual.
+    pub normality: f64,
 }
 
 /// Ranks and conditions.
@@ -172,6 +220,12 @@ pub struct Identification {
     pub covariance: Mat<f64>,
     /// Steps of the reduction to relevant parameters; empty with other methods.
     pub steps: Vec<Step>,
+    /// What was done to the recordings first.
+    pub preprocessing: Vec<Done>,
+    /// Shapes of friction laws that were estimated.
+    pub shapes: Vec<Shape>,
+    /// How the instruments came about; `None` with other methods.
+    pub instruments: Option<Instruments>,
 }
 
 impl Identification {
@@ -189,6 +243,9 @@ pub enum IdentifyError {
     /// The recordings do not fit the robot.
     #[error(transparent)]
     Input(#[from] InputError),
+    /// The method wants a closed loop to be simulated, and was given none.
+    #[error("method iv needs a simulation of the closed loop")]
+    NoSimulation,
     /// The robot cannot move.
     #[error("robot {robot:?}: {source}")]
     Robot {

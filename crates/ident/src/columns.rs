@@ -3,10 +3,11 @@
 //!
 //! The effort of the drives is linear in all of them: ten inertial parameters of every link with mass, rotor inertia and effort offset of
 //! every drive, viscous and Coulomb friction of every joint that moves, passive ones included, the stiffness of springs that the robot
-//! file names, and amplitude and phase of ripples it names (an effort periodic in position: gear mesh, cogging, a spring on a lever).
-//! Friction of a passive joint reaches the drives through the reduction.
+//! file names, amplitude and phase of ripples it names (an effort periodic in position: gear mesh, cogging, a spring on a lever), and
+//! every value that enters linearly of the other friction laws it names (Stribeck's two levels, friction by direction, by load). Friction
+//! of a passive joint reaches the drives through the reduction.
 
-use pkm_dyn::effects::{Applied, JointState, Law, Robot, Unit};
+use pkm_dyn::effects::{Applied, Energy, JointState, Law, Robot, Unit};
 use pkm_dyn::inverse_dynamics::actuated_regressor;
 use pkm_dyn::model::Joint;
 use pkm_dyn::parameters::{InertialParameters, N_INERTIAL, NAMES, UNITS};
@@ -54,6 +55,15 @@ pub enum Quantity {
         /// Which part.
         part: Part,
     },
+    /// A value of a friction law of the robot file that the effort is linear in.
+    Law {
+        /// The joint, driven or passive.
+        joint: usize,
+        /// The law, among those of [`Columns::laws`].
+        law: usize,
+        /// Which of its values.
+        value: usize,
+    },
 }
 
 /// A part of an effort `sine·sin(order·q) + cosine·cos(order·q)`.
@@ -90,7 +100,31 @@ pub struct Columns {
     bodies: Vec<(usize, nalgebra::SMatrix<f64, N_INERTIAL, N_INERTIAL>)>,
     /// Rest of every stiffness, order of every wave, by column; zero for other columns.
     stated: Vec<f64>,
+    /// Friction laws of the robot file whose linear values are columns.
+    pub laws: Vec<Applied>,
     kept: Vec<Applied>,
+}
+
+/// A friction law that the file states and that is estimated value by value.
+pub(crate) fn is_friction_law(e: &Applied) -> bool {
+    matches!(e.entry.law, Law::JointEffort(_)) && e.entry.energy == Energy::Dissipates && !ESTIMATED.contains(&e.entry.name)
+}
+
+/// Whether the effort of a law is linear in its value number `k`: told by the law itself at a few states.
+#[must_use]
+pub fn is_linear(e: &Applied, k: usize) -> bool {
+    let Law::JointEffort(law) = e.entry.law else { return false };
+    let at = |scale: f64, s: &JointState| {
+        let mut values: Vec<f64> = e.values.iter().map(|x| x.abs().max(0.5)).collect();
+        values[k] *= scale;
+        law(&values, s)
+    };
+    let states = [(0.3, 1.0, 2.0), (-0.7, -1.0, 0.4), (0.05, 1.0, -3.0), (-0.02, -1.0, -1.0)];
+    states.iter().all(|&(v, sign, load)| {
+        let s = JointState { q: 0.4, v, a: 0.1, sign, load };
+        let [a, b, c] = [1.0, 2.0, 3.0].map(|scale| at(scale, &s));
+        (c - 2.0 * b + a).abs() <= 1e-9 * (a.abs() + b.abs() + c.abs())
+    })
 }
 
 /// Effects of a robot file that are parameters here: their values are counted into the nominal ones and they leave the file.
@@ -113,9 +147,14 @@ impl Columns {
         let model = &robot.model;
         let links = model.massive_links();
         let frame = |&l: &usize| (model.links[l].body.unwrap_or(0), InertialParameters::transform_matrix(&model.links[l].pose));
-        let is_kept = |e: &&Applied| matches!(e.entry.law, Law::JointEffort(_)) && !ESTIMATED.contains(&e.entry.name);
-        let (list, stated) = list(robot, &links);
+        let is_kept =
+            |e: &&Applied| matches!(e.entry.law, Law::JointEffort(_)) && !ESTIMATED.contains(&e.entry.name) && !is_friction_law(e);
+        let (mut list, mut stated) = list(robot, &links);
+        let laws: Vec<Applied> = robot.effects.iter().filter(|e| is_friction_law(e)).cloned().collect();
+        list.extend(laws.iter().enumerate().flat_map(|(l, e)| law_parameters(model, l, e)));
+        stated.resize(list.len(), 0.0);
         Self {
+            laws,
             list,
             bodies: links.iter().map(frame).collect(),
             links,
@@ -142,6 +181,26 @@ impl Columns {
         self.list.iter().map(|p| p.nominal).collect()
     }
 
+    /// One body by itself, ten parameters.
+    pub(crate) fn of_body(name: &str, body: &InertialParameters) -> Self {
+        let theta = body.to_vector();
+        let parameter = |which: usize| Parameter {
+            quantity: Quantity::Inertial { link: 0, which },
+            name: format!("{name}.{}", NAMES[which]),
+            unit: UNITS[which],
+            nominal: theta[which],
+            lower: f64::NEG_INFINITY,
+        };
+        Self {
+            list: (0..N_INERTIAL).map(parameter).collect(),
+            links: vec![0],
+            bodies: Vec::new(),
+            stated: vec![0.0; N_INERTIAL],
+            laws: Vec::new(),
+            kept: Vec::new(),
+        }
+    }
+
     /// Index of the parameter of that name.
     #[must_use]
     pub fn index(&self, name: &str) -> Option<usize> {
@@ -154,12 +213,17 @@ impl Columns {
     pub fn fill(&self, model: &Model, data: &mut Data, direction: &[f64], put: &mut impl FnMut(usize, usize, f64)) {
         actuated_regressor(model, data);
         let n_act = model.n_act();
+        // Effort that the nominal rigid robot transmits at the drives: some friction grows with it.
+        let mut load = vec![0.0; if self.laws.is_empty() { 0 } else { n_act }];
         for (l, (body, to_body)) in self.bodies.iter().enumerate() {
             for k in 0..n_act {
                 for c in 0..N_INERTIAL {
                     // Columns are per body about the body's frame; a link fixed at an offset needs them about its own.
-                    let sum = (0..N_INERTIAL).map(|b| data.regressor[(k, body * N_INERTIAL + b)] * to_body[(b, c)]).sum();
+                    let sum: f64 = (0..N_INERTIAL).map(|b| data.regressor[(k, body * N_INERTIAL + b)] * to_body[(b, c)]).sum();
                     put(k, l * N_INERTIAL + c, sum);
+                    if let Some(load) = load.get_mut(k) {
+                        *load += sum * self.list[l * N_INERTIAL + c].nominal;
+                    }
                 }
             }
         }
@@ -173,6 +237,12 @@ impl Columns {
                 Quantity::Stiffness { joint } => (joint, data.q[joint] - self.stated[c]),
                 Quantity::Wave { joint, part: Part::Sine } => (joint, math::sin(self.stated[c] * data.q[joint])),
                 Quantity::Wave { joint, part: Part::Cosine } => (joint, math::cos(self.stated[c] * data.q[joint])),
+                Quantity::Law { joint, law, value } => {
+                    let at_drive = model.actuators.iter().position(|&a| a == joint);
+                    let load = at_drive.map_or(0.0, |k| load[k] + model.joints[joint].armature * data.a[joint]);
+                    let state = JointState { q: data.q[joint], v: data.v[joint], a: data.a[joint], sign: direction[joint], load };
+                    (joint, unit_effort(&self.laws[law], value, &state))
+                }
             };
             for k in 0..n_act {
                 let gain = data.reduction[(joint, k)];
@@ -216,6 +286,30 @@ impl Columns {
         let at = l * N_INERTIAL;
         InertialParameters::from_vector(&nalgebra::SVector::from_column_slice(&theta[at..at + N_INERTIAL]))
     }
+}
+
+/// Effort of a law whose value number `k` is one and whose other linear values are zero.
+fn unit_effort(e: &Applied, k: usize, state: &JointState) -> f64 {
+    let Law::JointEffort(law) = e.entry.law else { return 0.0 };
+    let value = |i: usize| if i == k { 1.0 } else { f64::from(u8::from(!is_linear(e, i))) * e.values[i] };
+    let values: Vec<f64> = (0..e.values.len()).map(value).collect();
+    law(&values, state)
+}
+
+/// The values of a friction law that the effort is linear in.
+fn law_parameters(model: &Model, law: usize, e: &Applied) -> Vec<Parameter> {
+    let Joint { name, kind, .. } = &model.joints[e.place];
+    let parameter = |k: usize| {
+        let p = &e.entry.parameters[k];
+        Parameter {
+            quantity: Quantity::Law { joint: e.place, law, value: k },
+            name: format!("{name}.{}.{}", e.entry.name, p.name),
+            unit: p.unit.text(*kind),
+            nominal: e.values[k],
+            lower: p.lower,
+        }
+    };
+    (0..e.values.len()).filter(|&k| is_linear(e, k)).map(parameter).collect()
 }
 
 /// Parameters, and what the robot file states of each that is not estimated.

@@ -94,6 +94,26 @@ pub enum InputError {
         /// Upper limit `[Hz]`.
         limit: f64,
     },
+    /// A rate to thin to that is none.
+    #[error("{recording}: rate = {rate} Hz (must be finite and > 0; the recording has {limit:.3} Hz)")]
+    Rate {
+        /// Recording as the user named it.
+        recording: String,
+        /// As given `[Hz]`.
+        rate: f64,
+        /// Rate of the recording `[Hz]`.
+        limit: f64,
+    },
+    /// A period to average over that does not fit twice.
+    #[error("{recording}: period = {period} s (must be > 0 and fit at least twice into {duration:.3} s)")]
+    Period {
+        /// Recording as the user named it.
+        recording: String,
+        /// As given `[s]`.
+        period: f64,
+        /// Length of the recording `[s]`.
+        duration: f64,
+    },
     /// A stated gravity or load that does not fit the robot.
     #[error("{recording}: metadata {key}: {detail}")]
     Meta {

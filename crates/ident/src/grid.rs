@@ -89,7 +89,7 @@ impl Grid {
     }
 }
 
-fn bridge(time: &[f64], signal: &[f64]) -> Vec<f64> {
+pub(crate) fn bridge(time: &[f64], signal: &[f64]) -> Vec<f64> {
     let known: Vec<usize> = (0..signal.len()).filter(|&i| !signal[i].is_nan()).collect();
     let mut out = signal.to_vec();
     let Some((&first, &last)) = known.first().zip(known.last()) else { return vec![0.0; signal.len()] };

@@ -1,10 +1,16 @@
 //! From recordings and a nominal robot to parameters, with everything needed to judge them.
 
+mod instrumental;
+mod preparation;
+
 use faer::Mat;
 use pkm_dyn::effects::Robot;
 
+use self::preparation::Prepared;
 use crate::Recording;
-use crate::answer::{BaseSummary, Estimated, Identification, IdentifyError, JointError, Settings, Term, UsedRecording};
+use crate::answer::{
+    BaseSummary, Estimated, Identification, IdentifyError, Instruments, JointError, Settings, Shapes, Simulate, Term, UsedRecording,
+};
 use crate::columns::{Columns, Quantity};
 use crate::error::InputError;
 use crate::estimate::feasible::{Feasible, Outcome, Space, choose_weight, feasible, solid};
@@ -16,7 +22,9 @@ use crate::grouping::{BaseSet, Choice, structural_factor, well_conditioned};
 use crate::motion::Use;
 use crate::note::{Note, Status};
 use crate::observation::{Observation, Rows};
+use crate::preprocess::Done;
 use crate::relevant::{Reduction, Step};
+use crate::shapes::{Shape, projected};
 use crate::statistics::{Residual, Sandwich, critical_95, residual_series};
 
 /// Pivots of a recording's columns below this share of the largest count as zero: noise of the positions makes some of nothing.
@@ -64,8 +72,8 @@ const WORSE: f64 = 1.05;
 /// Without `holdout` every second of ten blocks of each recording is held out. `progress` is told the share done, 0 to 1.
 ///
 /// # Errors
-/// Recordings that do not fit the robot, a robot that cannot move: one line. Motion that shows too little is no error but a
-/// [`Status`].
+/// Recordings that do not fit the robot, a robot that cannot move, a method that needs a simulation: one line. Motion that shows too
+/// little is no error but a [`Status`].
 pub fn identify(
     robot: &Robot,
     fit: &[Recording],
@@ -73,19 +81,72 @@ pub fn identify(
     settings: &Settings,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Identification, IdentifyError> {
+    if settings.method == Method::Iv {
+        return Err(IdentifyError::NoSimulation);
+    }
+    all_of_it(robot, [fit, holdout], settings, None, progress)
+}
+
+/// As [`identify`], with a closed loop that can be simulated: what [`Method::Iv`] needs.
+///
+/// # Errors
+/// As [`identify`]. A simulation that fails is no error but a note.
+pub fn identify_in_closed_loop(
+    robot: &Robot,
+    recordings: [&[Recording]; 2],
+    settings: &Settings,
+    simulate: &mut Simulate<'_>,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Identification, IdentifyError> {
+    all_of_it(robot, recordings, settings, Some(simulate), progress)
+}
+
+fn all_of_it<'s>(
+    robot: &Robot,
+    [fit, holdout]: [&[Recording]; 2],
+    settings: &Settings,
+    simulate: Option<&'s mut Simulate<'s>>,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Identification, IdentifyError> {
     let kind = if holdout.is_empty() { Use::Both } else { Use::Fit };
-    let all: Vec<(&Recording, Use)> = fit.iter().map(|r| (r, kind)).chain(holdout.iter().map(|r| (r, Use::Holdout))).collect();
     if fit.is_empty() {
         return Err(InputError::NoRecording.into());
     }
-    let observation = Observation::try_new(robot, &all, settings.rows)?;
+    let Prepared { fit, holdout, mut done } = Prepared::of(robot, [fit, holdout], settings)?;
+    let (robot, shapes) = match settings.shapes {
+        Shapes::Stated => (robot.clone(), Vec::new()),
+        Shapes::Estimated => projected(robot, &fit, kind, settings.rows)?,
+    };
+    let all: Vec<(&Recording, Use)> = fit.iter().map(|r| (r, kind)).chain(holdout.iter().map(|r| (r, Use::Holdout))).collect();
+    let observation = Observation::try_new(&robot, &all, settings.rows)?;
     let factors = Factors::of(&observation, Rows::Fitted, &mut |x| progress(0.35 * x))?;
     let judged = Factors::of(&observation, Rows::HeldOut, &mut |x| progress(0.35 + 0.35 * x))?;
-    let structure = structure(robot, observation.columns())?;
-    let mut work = Work { observation: &observation, factors, judged, structure, settings, notes: Vec::new(), usable: Vec::new() };
+    let structure = structure(&robot, observation.columns())?;
+    done.extend(all.iter().zip(observation.motions()).map(|((r, _), m)| {
+        let [cutoff, number] = m.derivative;
+        Done::new(r, settings.rows.derivative.name(), "q", &[("cutoff_hz", cutoff), ("size", number)])
+    }));
+    let mut work = Work {
+        observation: &observation,
+        factors,
+        judged,
+        structure,
+        settings,
+        notes: shapes.iter().filter(|s| !s.is_shown).map(not_shown).collect(),
+        usable: Vec::new(),
+        recordings: &fit,
+        simulate,
+        foretold: Vec::new(),
+        instruments: None,
+        before: (done, shapes),
+    };
     let out = work.run(&mut |x| progress(0.7 + 0.3 * x))?;
     progress(1.0);
     Ok(out)
+}
+
+fn not_shown(s: &Shape) -> Note {
+    Note::ShapeNotShown { shape: s.name.clone(), value: s.value, stated: s.stated }
 }
 
 /// The regressor over random states, as a triangle.
@@ -101,7 +162,7 @@ fn structure(robot: &Robot, columns: &Columns) -> Result<Mat<f64>, IdentifyError
     Ok(factor.triangle())
 }
 
-struct Work<'w, 'r> {
+struct Work<'w, 'r, 's> {
     observation: &'w Observation<'r>,
     factors: Factors,
     judged: Factors,
@@ -110,6 +171,14 @@ struct Work<'w, 'r> {
     notes: Vec<Note>,
     /// Drives whose rows take part.
     usable: Vec<bool>,
+    /// Recordings that are fitted.
+    recordings: &'w [Recording],
+    simulate: Option<&'s mut Simulate<'s>>,
+    /// The same as the last estimate by instruments foretells them.
+    foretold: Vec<Recording>,
+    instruments: Option<Instruments>,
+    /// What was done and found before the fit.
+    before: (Vec<Done>, Vec<Shape>),
 }
 
 /// Base parameters and what is known of their spread.
@@ -122,6 +191,7 @@ struct Found {
 }
 
 /// A fit of the free columns.
+#[derive(Clone)]
 struct Fit {
     /// All parameters, those of a physical robot.
     theta: Vec<f64>,
@@ -131,7 +201,7 @@ struct Fit {
     prior_weight: f64,
 }
 
-impl Work<'_, '_> {
+impl Work<'_, '_, '_> {
     fn run(&mut self, progress: &mut dyn FnMut(f64)) -> Result<Identification, IdentifyError> {
         self.look_at_motion();
         let free = self.free();
@@ -149,7 +219,12 @@ impl Work<'_, '_> {
         let residuals: Vec<Residual> = series.iter().map(|s| Residual::of(s, freedom)).collect();
         self.look_at_outliers(&series);
         progress(0.6);
-        let sandwich = Sandwich::of(self.observation, &set.kept, &fit.noise, &residuals)?;
+        let sandwich = if self.instruments.is_some() {
+            // The spread of the estimate is that of the instruments, which have no noise of their own.
+            Sandwich::of(&self.foretold(&self.foretold)?, &set.kept, &fit.noise, &residuals)?
+        } else {
+            Sandwich::of(self.observation, &set.kept, &fit.noise, &residuals)?
+        };
         progress(0.9);
         let mut found = Found { places: (0..set.rank()).collect(), set, sandwich, steps: Vec::new() };
         let fit = if self.settings.method == Method::Relevant { self.reduce(&mut found, &free, fit) } else { fit };
@@ -229,7 +304,7 @@ impl Work<'_, '_> {
         let is_free = |quantity: Quantity| match quantity {
             Quantity::Inertial { .. } => true,
             Quantity::Rotor { joint } => moves(joint) && !self.settings.held.contains(&Term::Rotor),
-            Quantity::Viscous { joint } | Quantity::Coulomb { joint } => {
+            Quantity::Viscous { joint } | Quantity::Coulomb { joint } | Quantity::Law { joint, .. } => {
                 let term = if drive(joint).is_some() { Term::Friction } else { Term::PassiveFriction };
                 moves(joint) && !self.settings.held.contains(&term)
             }
@@ -306,7 +381,7 @@ impl Work<'_, '_> {
         let weighted = with_fixed(weighted_theta(&factors, kept, &noise));
         let rms: Vec<f64> = (0..noise.len()).map(|k| if self.usable[k] { 1.0 } else { f64::INFINITY }).collect();
         let direct = match self.settings.method {
-            Method::Sdp | Method::Wls | Method::Relevant => weighted.clone(),
+            Method::Sdp | Method::Wls | Method::Relevant | Method::Iv => weighted.clone(),
             Method::Ols => with_fixed(weighted_theta(&factors, kept, &rms)),
             Method::Tls => {
                 let triangle = triangle_of(&factors, &noise);
@@ -325,7 +400,11 @@ impl Work<'_, '_> {
                 robust.theta
             }
         };
-        Ok(self.physical(&factors, free, Fit { theta: fixed, direct, noise, prior_weight: 0.0 }))
+        let mut fit = Fit { theta: fixed.clone(), direct, noise, prior_weight: 0.0 };
+        if self.settings.method == Method::Iv {
+            fit = self.instrumented(set, free, fit)?;
+        }
+        Ok(self.physical(&factors, free, Fit { theta: fixed, ..fit }))
     }
 
     /// Ridge towards the nominal base parameters, its weight by cross-validation.
@@ -418,6 +497,7 @@ impl Work<'_, '_> {
                 fitted: share(&fitted, &fit.theta),
                 lag_one: residuals.get(k).map_or(0.0, |r| r.lag_one),
                 is_white: residuals.get(k).is_some_and(Residual::is_white),
+                normality: residuals.get(k).map_or(1.0, Residual::normality),
             });
         }
         for j in joints.iter().filter(|j| j.identified > WORSE * j.nominal) {
@@ -448,6 +528,9 @@ impl Work<'_, '_> {
             set,
             covariance,
             steps: found.map_or_else(Vec::new, |f| f.steps.clone()),
+            preprocessing: self.before.0.clone(),
+            shapes: self.before.1.clone(),
+            instruments: self.instruments.clone(),
         }
     }
 

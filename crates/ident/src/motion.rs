@@ -7,8 +7,9 @@ use pkm_dyn::Model;
 use pkm_dyn::effects::{Law, Robot};
 
 use crate::error::InputError;
-use crate::filter::{LowPass, derivative};
 use crate::grid::Grid;
+use crate::observation::RowOptions;
+use crate::preprocess::differentiation::Derivative;
 use crate::{KnownLoad, Recording, spectrum};
 
 /// Smallest number of samples a recording must have: filters and blocks need that many to mean anything.
@@ -65,6 +66,8 @@ pub struct Motion {
     pub tau: Vec<Vec<f64>>,
     /// Share of each drive's effort samples that were spikes.
     pub spikes: Vec<f64>,
+    /// Cut-off of the differentiation `[Hz]`, and its half window, coefficients or padded samples.
+    pub derivative: [f64; 2],
     /// Samples that were measured and lie in no gap.
     pub valid: Vec<bool>,
     /// Gravity stated for this recording `[m/s²]`.
@@ -95,23 +98,23 @@ pub fn top_speed(v: &[f64]) -> f64 {
     sorted.get(sorted.len() * 99 / 100).copied().unwrap_or(0.0)
 }
 
-/// All recordings as motions, and the band `[Hz]` that effort and model are compared in: `band` where given, else five harmonics of the
+/// All recordings as motions, and the band `[Hz]` that effort and model are compared in: that of `options` where given, else five harmonics of the
 /// motion, median over drives and fitted recordings.
 ///
 /// # Errors
 /// Recordings that do not fit the robot; a band that is out of range.
-pub fn motions(robot: &Robot, recordings: &[(&Recording, Use)], band: Option<f64>) -> Result<(Vec<Motion>, f64), InputError> {
+pub fn motions(robot: &Robot, recordings: &[(&Recording, Use)], options: &RowOptions) -> Result<(Vec<Motion>, f64), InputError> {
     if recordings.is_empty() {
         return Err(InputError::NoRecording);
     }
     let raws = recordings.iter().map(|(r, _)| raw(robot, r)).collect::<Result<Vec<_>, _>>()?;
     let limit = BAND_SHARE * raws.iter().map(|r| 1.0 / r.grid.dt).fold(f64::INFINITY, f64::min);
-    let band = match band {
+    let band = match options.band_hz {
         Some(b) if b > 0.0 && b <= limit => b,
         Some(band) => return Err(InputError::Band { band, limit }),
         None => choose_band(&raws, recordings).min(0.5 * limit),
     };
-    let motions = raws.into_iter().zip(recordings).map(|(raw, (r, used))| smoothed(raw, r, *used, band)).collect();
+    let motions = raws.into_iter().zip(recordings).map(|(raw, (r, used))| smoothed(raw, r, *used, (band, options.derivative))).collect();
     Ok((motions, band))
 }
 
@@ -199,16 +202,21 @@ fn despike(x: &mut [f64]) -> f64 {
     count as f64 / n as f64
 }
 
-fn smoothed(mut raw: Raw, r: &Recording, used: Use, band: f64) -> Motion {
+fn smoothed(mut raw: Raw, r: &Recording, used: Use, (band, way): (f64, Derivative)) -> Motion {
     let dt = raw.grid.dt;
-    let smooth = LowPass::new(SMOOTHING * band, dt);
-    let q: Vec<Vec<f64>> = raw.q.iter().map(|q| smooth.apply(q)).collect();
-    let v: Vec<Vec<f64>> = q.iter().map(|q| derivative(q, dt)).collect();
-    let a = v.iter().map(|v| derivative(v, dt)).collect();
+    let (mut q, mut v, mut a, mut reach) = (Vec::new(), Vec::new(), Vec::new(), 0.0);
+    for raw in &raw.q {
+        let ([position, velocity, acceleration], number) = way.apply(raw, SMOOTHING * band, dt);
+        q.push(position);
+        v.push(velocity);
+        a.push(acceleration);
+        reach = number;
+    }
     // What stood in the shadow of another spike is seen when that one is gone.
     let spikes = raw.tau.iter_mut().map(|tau| (0..3).map(|_| despike(tau)).sum()).collect();
     Motion {
         spikes,
+        derivative: [SMOOTHING * band, reach],
         name: r.name.clone(),
         used,
         start: raw.grid.start,

@@ -95,10 +95,58 @@ pub enum Note {
         /// Iterations.
         iterations: u32,
     },
-    /// The reweighting did not settle.
+    /// An iteration did not settle.
     NotSettled {
         /// Passes.
         iterations: usize,
+    },
+    /// No instruments could be made: the estimate is weighted least squares.
+    NoInstruments {
+        /// Simulations that went well before.
+        iterations: usize,
+        /// Why.
+        reason: String,
+    },
+    /// The simulated motion says little about the measured one.
+    WeakInstruments {
+        /// The base parameter whose column it explains least.
+        parameter: String,
+        /// Share of that column that is explained.
+        explained: f64,
+        /// Limit.
+        limit: f64,
+    },
+    /// A shape of a friction law that the motion does not show; it stays where the search ended.
+    ShapeNotShown {
+        /// The shape.
+        shape: String,
+        /// Where the search ended.
+        value: f64,
+        /// As stated in the robot file.
+        stated: f64,
+    },
+    /// No recording states a load: gains of drives and masses cannot be told apart.
+    NoKnownLoad {
+        /// Recordings that were looked at.
+        recordings: usize,
+    },
+    /// The known load hardly acts on a drive.
+    GainNotShown {
+        /// The driven joint.
+        joint: String,
+        /// Half of the gain's interval over the gain.
+        half_width: f64,
+        /// Limit.
+        limit: f64,
+    },
+    /// A payload that the drives hardly feel.
+    PayloadNotSeen {
+        /// The link it would ride on.
+        link: String,
+        /// Estimated mass `[kg]`.
+        mass: f64,
+        /// Its 95 % interval `[kg]`.
+        interval: [f64; 2],
     },
     /// Held-out error of a drive became larger than with the nominal robot.
     Worse {
@@ -116,7 +164,9 @@ impl Note {
     #[must_use]
     pub fn verdict(&self) -> Status {
         match self {
-            Self::NoMotion | Self::FewRows { .. } | Self::Solver { outcome: "failed", .. } => Status::NotIdentified,
+            Self::NoMotion | Self::FewRows { .. } | Self::Solver { outcome: "failed", .. } | Self::NoKnownLoad { .. } => {
+                Status::NotIdentified
+            }
             Self::NominalNotABody { .. } => Status::Identified,
             _ => Status::Doubtful,
         }
@@ -174,7 +224,34 @@ impl fmt::Display for Note {
                 write!(f, "link {link}: no body has its nominal inertia; {:.1} cm of extent were added to start from", 100.0 * added.sqrt())
             }
             Self::Solver { outcome, iterations } => write!(f, "the convex program ended {outcome} after {iterations} iterations"),
-            Self::NotSettled { iterations } => write!(f, "the reweighting did not settle in {iterations} passes"),
+            Self::NotSettled { iterations } => write!(f, "the iteration did not settle in {iterations} passes"),
+            Self::NoInstruments { iterations, reason } => {
+                write!(f, "no instruments after {iterations} simulations ({reason}): this is the weighted least-squares estimate")
+            }
+            Self::WeakInstruments { parameter, explained, limit } => write!(
+                f,
+                "the simulated motion explains {:.1} % of the column of {parameter} (limit {:.0} %): is the controller in the simulation the real one?",
+                100.0 * explained,
+                100.0 * limit
+            ),
+            Self::ShapeNotShown { shape, value, stated } => {
+                write!(f, "{shape}: the motion does not show it; the search from {stated:.3e} ended at {value:.3e}")
+            }
+            Self::NoKnownLoad { recordings } => write!(
+                f,
+                "none of {recordings} recordings states a load: gains and masses cannot be told apart; record once more with a weighed mass"
+            ),
+            Self::GainNotShown { joint, half_width, limit } => write!(
+                f,
+                "{joint}: its gain is known to {:.0} % only (limit {:.0} %): the known load hardly acts on it",
+                100.0 * half_width,
+                100.0 * limit
+            ),
+            Self::PayloadNotSeen { link, mass, interval } => write!(
+                f,
+                "{link}: no payload can be told from none: {mass:.3e} kg, 95 % interval {:.3e} to {:.3e} kg",
+                interval[0], interval[1]
+            ),
             Self::Worse { joint, nominal, identified } => write!(
                 f,
                 "{joint}: held-out error {:.1} % of the effort, with the nominal robot {:.1} %",

@@ -14,6 +14,7 @@ use crate::Recording;
 use crate::columns::Columns;
 use crate::error::InputError;
 use crate::motion::{Motion, Use, motions};
+use crate::preprocess::differentiation::Derivative;
 use crate::walk::{Walk, model_for, thin};
 
 /// Blocks in time that a recording is cut into: folds of cross-validation, and what is held out of a recording that serves both.
@@ -37,11 +38,13 @@ pub struct RowOptions {
     pub standstill: Standstill,
     /// Width over which the direction of motion passes through zero, as a share of the joint's top speed.
     pub softness: f64,
+    /// How positions become velocities and accelerations.
+    pub derivative: Derivative,
 }
 
 impl Default for RowOptions {
     fn default() -> Self {
-        Self { band_hz: None, standstill: Standstill::Cut, softness: 0.003 }
+        Self { band_hz: None, standstill: Standstill::Cut, softness: 0.003, derivative: Derivative::Filtered }
     }
 }
 
@@ -139,7 +142,7 @@ impl<'r> Observation<'r> {
         if let Some(effect) = left_aside(robot) {
             return Err(InputError::Effect { effect, robot: robot.model.name.clone() });
         }
-        let (motions, band) = motions(robot, recordings, options.band_hz)?;
+        let (motions, band) = motions(robot, recordings, &options)?;
         for m in &motions {
             let _checked = model_for(&robot.model, m)?;
         }

@@ -1,11 +1,11 @@
 //! The identified robot: what the files had, with every estimated parameter in it.
 
-use pkm_dyn::effects::{Applied, Law, find};
+use pkm_dyn::effects::{Applied, Law, Robot, find};
 use pkm_dyn::urdf::{Description, refined_toml, refined_urdf};
 use pkm_dyn::{Model, math};
 
 use crate::answer::Identification;
-use crate::columns::{Columns, ESTIMATED, Part, Quantity};
+use crate::columns::{Columns, ESTIMATED, Part, Quantity, is_friction_law};
 
 /// A robot with identified parameters: mass properties, friction and rotors in its model, the rest as effects.
 #[derive(Debug, Clone)]
@@ -22,15 +22,35 @@ pub fn identified(description: &Description, answer: &Identification) -> Identif
     let mut model = description.bare.clone();
     let robot = &description.robot;
     model.gravity = robot.model.gravity;
-    let is_kept = |e: &&Applied| !matches!(e.entry.law, Law::Gravity(_)) && !ESTIMATED.contains(&e.entry.name);
+    let is_kept = |e: &&Applied| !matches!(e.entry.law, Law::Gravity(_)) && !is_estimated(e);
     let mut effects: Vec<Applied> = robot.effects.iter().filter(is_kept).cloned().collect();
-    for (l, &link) in answer.columns.links.iter().enumerate() {
-        model.set_link_parameters(link, Columns::inertial(&answer.theta, l));
+    put(&answer.columns, &answer.theta, &robot.effects, (&mut model, &mut effects));
+    Identified { model, effects }
+}
+
+/// The robot with the parameters `theta` of its `columns`.
+#[must_use]
+pub fn with_parameters(robot: &Robot, columns: &Columns, theta: &[f64]) -> Robot {
+    let mut model = robot.model.clone();
+    let mut effects: Vec<Applied> = robot.effects.iter().filter(|e| !is_estimated(e)).cloned().collect();
+    put(columns, theta, &robot.effects, (&mut model, &mut effects));
+    Robot { model, effects }
+}
+
+fn is_estimated(e: &Applied) -> bool {
+    ESTIMATED.contains(&e.entry.name) || is_friction_law(e)
+}
+
+/// Writes `theta` into a model and the list of its effects.
+fn put(columns: &Columns, theta: &[f64], stated: &[Applied], (model, effects): (&mut Model, &mut Vec<Applied>)) {
+    for (l, &link) in columns.links.iter().enumerate() {
+        model.set_link_parameters(link, Columns::inertial(theta, l));
     }
-    let mut springs = robot.effects.iter().filter(|e| e.entry.name == "spring");
-    let mut ripples = robot.effects.iter().filter(|e| e.entry.name == "torque_ripple");
+    let mut springs = stated.iter().filter(|e| e.entry.name == "spring");
+    let mut ripples = stated.iter().filter(|e| e.entry.name == "torque_ripple");
+    let mut laws = columns.laws.clone();
     let mut sine = 0.0;
-    for (p, &value) in answer.columns.list.iter().zip(&answer.theta) {
+    for (p, &value) in columns.list.iter().zip(theta) {
         match p.quantity {
             Quantity::Inertial { .. } => {}
             Quantity::Rotor { joint } => model.joints[joint].armature = value,
@@ -55,9 +75,10 @@ pub fn identified(description: &Description, answer: &Identification) -> Identif
                     effects.push(Applied { values, ..spring.clone() });
                 }
             }
+            Quantity::Law { law, value: k, .. } => laws[law].values[k] = value,
         }
     }
-    Identified { model, effects }
+    effects.extend(laws);
 }
 
 impl Identified {

@@ -47,6 +47,8 @@ pub struct Residual {
     pub lag_one: f64,
     /// Ljung-Box statistic over ten lags, and what white noise exceeds once in twenty times \[Ljung1978\].
     pub ljung_box: [f64; 2],
+    /// Third and fourth standardised moment; 0 and 3 for normal noise.
+    pub moments: [f64; 2],
 }
 
 impl Residual {
@@ -77,7 +79,19 @@ impl Residual {
             autocovariance,
             lag_one: raw.get(1).copied().unwrap_or(0.0) / variance,
             ljung_box: [n * (n + 2.0) * q, chi_square_95(m)],
+            moments: moments(series),
         }
+    }
+
+    /// How often normal noise would be as skewed or heavy-tailed as this, by the moments \[Jarque1980\]; coloured rows count as fewer.
+    ///
+    /// Asymptotic: with fewer than some 200 rows small values are a little too frequent.
+    #[must_use]
+    pub fn normality(&self) -> f64 {
+        let n = self.count as f64 / self.colour();
+        let [skewness, kurtosis] = self.moments;
+        let excess = kurtosis - 3.0;
+        crate::distributions::chi_square_tail(n / 6.0 * (skewness * skewness + 0.25 * excess * excess), 2.0)
     }
 
     /// Lags of the autocovariance that count, as a share of the rows.
@@ -86,11 +100,33 @@ impl Residual {
         self.autocovariance.len() as f64 / self.count.max(1) as f64
     }
 
+    /// Variance of a sum of residuals over that of as many white ones; at least 1.
+    #[must_use]
+    pub fn colour(&self) -> f64 {
+        let Some(&variance) = self.autocovariance.first().filter(|c| **c > 0.0) else { return 1.0 };
+        ((2.0 * self.autocovariance.iter().sum::<f64>() - variance) / variance).max(1.0)
+    }
+
     /// Whether white noise could look like this.
     #[must_use]
     pub fn is_white(&self) -> bool {
         self.ljung_box[0] <= self.ljung_box[1]
     }
+}
+
+/// Skewness and kurtosis of everything that is not zero.
+fn moments(series: &[Vec<f64>]) -> [f64; 2] {
+    let all = || series.iter().flatten().copied().filter(|e| e.abs() > 0.0);
+    let n = all().count().max(1) as f64;
+    let mean = all().sum::<f64>() / n;
+    let (mut second, mut third, mut fourth) = (0.0, 0.0, 0.0);
+    for e in all().map(|e| e - mean) {
+        let square = e * e;
+        second += square / n;
+        third += square * e / n;
+        fourth += square * square / n;
+    }
+    if second > 0.0 { [third / (second * second.sqrt()), fourth / (second * second)] } else { [0.0, 3.0] }
 }
 
 /// What a χ² variable of `m` degrees of freedom exceeds once in twenty times \[Wilson1931\]; within 1 % from `m = 3` on.
@@ -223,6 +259,17 @@ mod tests {
             .collect();
         let coloured = Residual::of(&[coloured], 1.0);
         assert!(!coloured.is_white() && (coloured.lag_one - 0.9).abs() < 0.02 && coloured.autocovariance.len() > 20, "{coloured:?}");
+    }
+
+    #[test]
+    fn normal_noise_passes_for_normal_and_its_square_does_not() {
+        let white = Residual::of(&[noise(4000)], 1.0);
+        assert!(white.normality() > 0.01 && (white.moments[1] - 3.0).abs() < 0.3, "{white:?}");
+        let squared: Vec<f64> = noise(4000).iter().map(|e| e * e - 1.0).collect();
+        let squared = Residual::of(&[squared], 1.0);
+        // A χ² variable of one degree of freedom: skewness √8, kurtosis 15; the tails of sums of twelve are a little short.
+        assert!(squared.normality() < 1e-12 && (squared.moments[0] / 8.0_f64.sqrt() - 1.0).abs() < 0.25, "{squared:?}");
+        assert!((white.colour() - 1.0).abs() < 0.2);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! `pkm identify`: the parameters of a robot from recordings, as a table, JSON, and a robot that runs.
 
+mod preparation;
 mod text;
 
 use std::path::{Path, PathBuf};
@@ -7,11 +8,12 @@ use std::process::ExitCode;
 
 use anyhow::{anyhow, ensure};
 use clap::ValueEnum;
+use pkm_dyn::effects::Robot;
 use pkm_ident::estimate::Method;
 use pkm_ident::note::Status;
 use pkm_ident::observation::RowOptions;
 use pkm_ident::refine::identified;
-use pkm_ident::{Identification, IdentifyError, InputError, Settings, Term, identify};
+use pkm_ident::{Identification, IdentifyError, InputError, Recording, Settings, Shapes, Term, identify_in_closed_loop};
 
 use crate::diagnosis::{each_once, positive, read_recordings};
 use crate::outputs::Outputs;
@@ -28,7 +30,13 @@ Exit status: 0 a robot was identified (doubts are printed), 1 the recordings sho
 
 Examples:
   pkm identify robot.toml --recording A.csv --holdout V.csv --out better.identified.toml
-  pkm identify robot.toml --recording A.mcap --recording B.mcap --hold offset --json out.json")]
+  pkm identify robot.toml --recording A.mcap --recording B.mcap --hold offset --json out.json
+  pkm identify robot.toml --recording A.csv --method iv                  noisy positions; needs q_ref.* columns
+  pkm identify robot.toml --recording A.csv --period 10 --outliers 8     ten-second motion, averaged, wild samples replaced
+  pkm identify robot.toml --recording A.csv --shapes                     also the Stribeck velocity that robot.toml states
+
+Methods: sdp (physical bodies, the default), wls, ols (base parameters, weighted by drive or not), huber and bisquare (robust),
+ridge (drawn to the nominal robot), tls (noisy columns), relevant (drops what is not determined), iv (instruments from the simulated loop).")]
 pub(crate) struct Args {
     /// The robot as it is believed to be: a robot.toml, or the name of a shipped robot.
     robot: PathBuf,
@@ -47,6 +55,11 @@ pub(crate) struct Args {
     /// Write a page with every number here; it needs no network.
     #[arg(long, value_name = "OUT.html")]
     html: Option<PathBuf>,
+    #[command(flatten)]
+    preparation: preparation::Preparation,
+    /// Estimate velocities and exponents of the friction laws that the robot file states, from there on.
+    #[arg(long)]
+    shapes: bool,
     /// Estimator.
     #[arg(long, value_name = "METHOD", default_value = "sdp")]
     method: MethodName,
@@ -70,11 +83,11 @@ pub(crate) struct MethodName(Method);
 
 impl ValueEnum for MethodName {
     fn value_variants<'a>() -> &'a [Self] {
-        const ALL: [MethodName; Method::ALL.len()] = {
-            let mut all = [MethodName(Method::Sdp); Method::ALL.len()];
+        const ALL: [MethodName; Method::EVERY.len()] = {
+            let mut all = [MethodName(Method::Sdp); Method::EVERY.len()];
             let mut i = 0;
             while i < all.len() {
-                all[i] = MethodName(Method::ALL[i]);
+                all[i] = MethodName(Method::EVERY[i]);
                 i += 1;
             }
             all
@@ -125,12 +138,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut outputs = Outputs::reserve(&targets, &inputs)?;
     let settings = Settings {
         method: args.method.0,
-        rows: RowOptions { band_hz: args.band, ..RowOptions::default() },
+        rows: RowOptions { band_hz: args.band, derivative: args.preparation.derivative(), ..RowOptions::default() },
+        preprocess: args.preparation.steps(),
+        shapes: if args.shapes { Shapes::Estimated } else { Shapes::Stated },
         held: args.hold.iter().map(|t| t.0).collect(),
         ..Settings::default()
     };
     let mut progress = Progress::new("identifying", args.quiet);
-    let answer = identify(&description.robot, &fit, &holdout, &settings, &mut |share| progress.update(share));
+    let nominal = &description.robot;
+    let mut simulate = |robot: &Robot, like: &Recording| pkm_sim::rerun([robot, nominal], like).map_err(|e| e.to_string());
+    let answer = identify_in_closed_loop(nominal, [&fit, &holdout], &settings, &mut simulate, &mut |share| progress.update(share));
     tracing::info!("identification took {:.1} s", progress.seconds());
     drop(progress);
     let answer = answer.map_err(|e| told(e, &file))?;
@@ -173,5 +190,6 @@ fn told(error: IdentifyError, robot: &str) -> anyhow::Error {
         IdentifyError::Input(e @ InputError::Band { .. }) => anyhow!("--band: {e}"),
         IdentifyError::Input(e) => e.into(),
         IdentifyError::Robot { source, .. } => anyhow!("{robot}: {source}"),
+        e @ IdentifyError::NoSimulation => e.into(),
     }
 }

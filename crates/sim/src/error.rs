@@ -21,6 +21,12 @@ pub enum SimError {
         /// What differs.
         what: &'static str,
     },
+    /// A recording without the positions that were asked for.
+    #[error("no column {column:?}: the simulation needs the reference that the robot was to follow")]
+    NoReference {
+        /// The column.
+        column: String,
+    },
     /// The drives do not determine the motion.
     #[error("robot {robot:?}: {mobility} degrees of freedom at the start, {drives} drives (must be equal and > 0)")]
     Mobility {

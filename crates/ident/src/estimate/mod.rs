@@ -1,6 +1,7 @@
 //! Estimators. Each takes the rows as triangular factors or as blocks, and gives values: an estimate with what it cost, never an error.
 
 pub mod feasible;
+pub mod instrumental;
 pub mod least_squares;
 pub mod robust;
 pub mod weighted;
@@ -26,10 +27,18 @@ pub enum Method {
     Relevant,
     /// Ridge towards the nominal robot, its weight by cross-validation.
     Ridge,
+    /// Instrumental variables along the simulated motion: noise in the columns does no harm. Needs a simulation.
+    Iv,
 }
 
 impl Method {
-    /// All methods, the recommended first.
+    /// All methods, those that need a simulation last.
+    pub const EVERY: [Self; 9] = {
+        let [a, b, c, d, e, f, g, h] = Self::ALL;
+        [a, b, c, d, e, f, g, h, Self::Iv]
+    };
+
+    /// All methods that need nothing but recordings, the recommended first.
     pub const ALL: [Self; 8] = [Self::Sdp, Self::Wls, Self::Relevant, Self::Ols, Self::Huber, Self::Bisquare, Self::Tls, Self::Ridge];
 
     /// Name, as on the command line.
@@ -44,6 +53,7 @@ impl Method {
             Self::Bisquare => "bisquare",
             Self::Tls => "tls",
             Self::Ridge => "ridge",
+            Self::Iv => "iv",
         }
     }
 }

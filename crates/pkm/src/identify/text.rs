@@ -65,6 +65,30 @@ pub(super) fn text(answer: &Identification) -> String {
             if last.is_feasible { "yes" } else { "no" }
         ));
     }
+    if !answer.shapes.is_empty() {
+        out.push("\nShapes of friction laws".to_string());
+        let mut rows = vec![["stated", "identified", "95 % interval", "unit", "shape"].map(str::to_string).to_vec()];
+        rows.extend(answer.shapes.iter().map(|s| {
+            let interval = format!("{} .. {}", number(s.ci95[0]), number(s.ci95[1]));
+            vec![number(s.stated), number(s.value), interval, s.unit.to_string(), s.name.clone()]
+        }));
+        out.push(table(&rows));
+    }
+    if let Some(i) = &answer.instruments {
+        let says = if i.test.is_exogenous { "least squares would have done" } else { "least squares would be biased" };
+        out.push(format!(
+            "\nInstruments: {} simulations, they explain {} of every column at least; Durbin-Wu-Hausman F {} (p {}): {says}",
+            i.iterations,
+            percent(i.test.relevance),
+            number(i.test.f),
+            number(i.test.p)
+        ));
+    }
+    let told: Vec<String> = answer.preprocessing.iter().filter(|d| d.step != "filtered").map(|d| format!("  {d}")).collect();
+    if !told.is_empty() {
+        out.push("\nPreprocessing".to_string());
+        out.extend(told);
+    }
     if !answer.notes.is_empty() {
         out.push("\nNotes".to_string());
         out.extend(answer.notes.iter().map(|n| format!("  {n}")));
@@ -98,6 +122,9 @@ pub(super) fn json(answer: &Identification) -> Value {
             "unit": "fraction of tau rms",
             "joints": answer.joints,
         },
+        "preprocessing": answer.preprocessing,
+        "shapes": answer.shapes,
+        "instruments": answer.instruments,
         "base_parameters": answer.parameters,
         "reduction": answer.steps,
         "parameters": standard,

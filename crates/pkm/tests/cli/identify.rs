@@ -22,7 +22,10 @@ fn an_identification_writes_a_robot_that_runs() {
     assert_eq!(names(folder.path()), all);
     let json: Value = serde_json::from_str(&fs::read_to_string(folder.path().join("out.json")).unwrap()).unwrap();
     assert_eq!((&json["schema"], &json["method"]), (&"pkm.identification/1".into(), &"sdp".into()));
-    assert!(!json.to_string().contains("null"), "every number is finite: {json}");
+    let mut numbers = json.clone();
+    // Without a simulated loop there are no instruments to tell of.
+    assert!(numbers.as_object_mut().unwrap().remove("instruments").is_some_and(|i| i.is_null()));
+    assert!(!numbers.to_string().contains("null"), "every number is finite: {numbers}");
     assert!(json["heldout"]["rms_identified"].as_f64().unwrap() < 0.5 * json["heldout"]["rms_nominal"].as_f64().unwrap(), "{json}");
     let page = fs::read_to_string(folder.path().join("out.html")).unwrap();
     assert!(page.contains("j1.coulomb") && !page.contains("http://") && !page.contains("https://"));
@@ -63,10 +66,33 @@ fn a_robot_that_stood_still_is_told_by_the_exit_status_and_not_written() {
 }
 
 #[test]
+fn preprocessing_and_instruments_are_told_in_words_json_and_page() {
+    let folder = rig_with_recordings();
+    let steps = ["--outliers", "12", "--rate", "100", "--find-late", "0.02", "--derivative", "spline", "--method", "iv"];
+    let said = prints(folder.path(), &[&ARGUMENTS[..], &steps, &["--json", "out.json", "--html", "out.html"]].concat());
+    for part in ["method iv", "Durbin-Wu-Hausman", "Preprocessing", "decimation", "late_s", "spline"] {
+        assert!(said.contains(part), "{part} in {said}");
+    }
+    let text = fs::read_to_string(folder.path().join("out.json")).unwrap();
+    let json: Value = serde_json::from_str(&text).unwrap();
+    let steps: Vec<&str> = json["preprocessing"].as_array().unwrap().iter().filter_map(|d| d["step"].as_str()).collect();
+    assert!(["outliers", "decimation", "clock of the efforts", "spline"].iter().all(|s| steps.contains(s)), "{steps:?}");
+    assert!(json["instruments"]["relevance"].as_f64().unwrap() > 0.5, "{}", json["instruments"]);
+    let page = fs::read_to_string(folder.path().join("out.html")).unwrap();
+    assert!(page.contains("Durbin-Wu-Hausman") && page.contains("clock of the efforts"));
+    let help = prints(folder.path(), &["identify", "--help"]);
+    for part in ["--period", "--shapes", "iv (instruments", "Preprocessing"] {
+        assert!(help.contains(part), "{part} in {help}");
+    }
+}
+
+#[test]
 fn bad_usage_is_one_line() {
     let folder = rig_with_recordings();
     let with = |more: &[&'static str]| [&ARGUMENTS[..], more].concat();
     refused(folder.path(), &with(&["--method", "best"]), &["--method", "best"]);
+    refused(folder.path(), &with(&["--period", "500"]), &["A.csv", "period = 500 s", "fit at least twice"]);
+    refused(folder.path(), &with(&["--derivative", "best"]), &["--derivative", "best"]);
     refused(folder.path(), &with(&["--hold", "mass"]), &["--hold", "mass"]);
     refused(folder.path(), &with(&["--band", "1e6"]), &["--band", "1000000 Hz", "0.4 of the sampling rate"]);
     refused(folder.path(), &with(&["--out", "robot.yaml"]), &["robot.yaml", ".toml"]);

@@ -22,6 +22,9 @@ pub fn identification_html(answer: &Identification) -> String {
         ("numbers", "Held-out error", errors(answer)),
         ("parameters", "Base parameters", parameters(answer)),
         ("reduction", "Reduction to relevant parameters", reduction(answer)),
+        ("shapes", "Shapes of friction laws", shapes(answer)),
+        ("instruments", "Instruments", instruments(answer)),
+        ("preprocessing", "Preprocessing", preprocessing(answer)),
         ("all", "All parameters of the identified robot", all(answer)),
         ("recordings", "Recordings", recordings(answer)),
     ] {
@@ -117,6 +120,41 @@ fn reduction(answer: &Identification) -> String {
         [cells.to_vec(), vec![value(s.fitted), num(&percent(s.heldout)), is_feasible.to_owned()]].concat()
     });
     table(&["parameters", "dropped", "worst relative sd", "fitted residual / noise", "held-out error", "physical"], rows)
+}
+
+fn shapes(answer: &Identification) -> String {
+    if answer.shapes.is_empty() {
+        return String::new();
+    }
+    let rows = answer.shapes.iter().map(|s| {
+        let interval = format!("{} … {}", value(s.ci95[0]), value(s.ci95[1]));
+        vec![value(s.stated), value(s.value), interval, s.unit.to_owned(), esc(&s.name).to_string()]
+    });
+    table(&["stated", "identified", "95 % interval", "unit", "shape"], rows)
+}
+
+fn instruments(answer: &Identification) -> String {
+    let Some(i) = &answer.instruments else { return String::new() };
+    let says = if i.test.is_exogenous { "least squares would have done" } else { "least squares would be biased" };
+    format!(
+        "<p>{} simulations of the closed loop; they explain {} of every column at least ({}). Durbin-Wu-Hausman: F = {}, p = {}: {says}.</p>",
+        i.iterations,
+        num(&percent(i.test.relevance)),
+        esc(&i.weakest),
+        value(i.test.f),
+        value(i.test.p)
+    )
+}
+
+fn preprocessing(answer: &Identification) -> String {
+    if answer.preprocessing.is_empty() {
+        return String::new();
+    }
+    let rows = answer.preprocessing.iter().map(|d| {
+        let numbers: Vec<String> = d.numbers.iter().map(|(name, x)| format!("{name} {}", value(*x))).collect();
+        vec![esc(&d.recording).to_string(), esc(&d.signal).to_string(), d.step.to_owned(), numbers.join(", ")]
+    });
+    table(&["recording", "signal", "step", "numbers"], rows)
 }
 
 fn all(answer: &Identification) -> String {

@@ -1,0 +1,212 @@
+//! Values that friction laws are not linear in (a Stribeck velocity, an exponent), by variable projection \[Golub1973\]: for every trial
+//! of the shapes the linear parameters are solved for, so that the search runs over the shapes alone.
+
+use faer::linalg::solvers::Solve;
+use faer::{Mat, Side};
+use pkm_dyn::effects::Robot;
+use pkm_dyn::math;
+
+use crate::Recording;
+use crate::columns::{is_friction_law, is_linear};
+use crate::error::InputError;
+use crate::estimate::least_squares;
+use crate::estimate::weighted::{drive_noise, scatter};
+use crate::factor::{Factor, Factors, squared_error};
+use crate::minimise::nelder_mead::{Options, nelder_mead};
+use crate::minimise::{Bounds, Ending};
+use crate::motion::Use;
+use crate::observation::{Observation, RowOptions, Rows};
+use crate::statistics::{Residual, critical_95, residual_series};
+
+/// Factor that the first step of the search changes a shape by, and the range about the stated value that it stays in.
+const FIRST: f64 = 2.0;
+const RANGE: f64 = 1000.0;
+
+/// Walks over the recordings per shape, at most.
+const WALKS: usize = 60;
+
+/// Relative step of the second differences.
+const BEND: f64 = 0.1;
+
+/// Pivots below this share of the largest count as zero.
+const TOLERANCE: f64 = 1e-6;
+
+/// A shape that was found.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Shape {
+    /// `<joint>.<effect>.<parameter>`.
+    pub name: String,
+    /// Unit.
+    pub unit: &'static str,
+    /// As the robot file states it: the start.
+    pub stated: f64,
+    /// As found.
+    pub value: f64,
+    /// 95 % interval, from the curvature of the profile; the whole range when the profile is flat.
+    pub ci95: [f64; 2],
+    /// Whether the motion shows this shape: the search ended inside its range, and with curvature.
+    pub is_shown: bool,
+}
+
+/// A shape of the robot's file: effect, value, name, unit, lower bound.
+struct Place {
+    effect: usize,
+    value: usize,
+    name: String,
+    unit: &'static str,
+    lower: f64,
+}
+
+fn places(robot: &Robot) -> Vec<Place> {
+    let mut out = Vec::new();
+    for (effect, e) in robot.effects.iter().enumerate().filter(|(_, e)| is_friction_law(e)) {
+        let joint = &robot.model.joints[e.place];
+        for (value, p) in e.entry.parameters.iter().enumerate().filter(|(k, _)| !is_linear(e, *k)) {
+            let name = format!("{}.{}.{}", joint.name, e.entry.name, p.name);
+            out.push(Place { effect, value, name, unit: p.unit.text(joint.kind), lower: p.lower });
+        }
+    }
+    out
+}
+
+/// The robot with the shapes of its friction laws as the recordings have them, and what was found of each. A robot whose file states no
+/// such shape comes back as it is.
+///
+/// # Errors
+/// Recordings that do not fit the robot.
+pub fn projected(robot: &Robot, fit: &[Recording], kind: Use, rows: RowOptions) -> Result<(Robot, Vec<Shape>), InputError> {
+    let places = places(robot);
+    if places.is_empty() {
+        return Ok((robot.clone(), Vec::new()));
+    }
+    let pairs: Vec<(&Recording, Use)> = fit.iter().map(|r| (r, kind)).collect();
+    // The band is that of the motion, whatever the shapes.
+    let band = Observation::try_new(robot, &pairs, rows)?.band();
+    let rows = RowOptions { band_hz: Some(band), ..rows };
+    let mut search = Search { robot: robot.clone(), places: &places, pairs: &pairs, rows, noise: Vec::new(), error: None };
+    let stated: Vec<f64> = places.iter().map(|p| robot.effects[p.effect].values[p.value].max(p.lower).max(f64::MIN_POSITIVE)).collect();
+    let start: Vec<f64> = stated.iter().map(|x| math::ln(*x)).collect();
+    search.cost(&start);
+    let bounds: Vec<Bounds> = start
+        .iter()
+        .zip(&places)
+        .map(|(x, p)| Bounds { lower: (x - math::ln(RANGE)).max(math::ln(p.lower.max(f64::MIN_POSITIVE))), upper: x + math::ln(RANGE) })
+        .collect();
+    let steps = vec![math::ln(FIRST); places.len()];
+    let options = Options { evaluations: WALKS * places.len(), step: 5e-3, cost: 1e-6 };
+    let found = nelder_mead(&mut |x| search.cost(x), &start, &steps, &bounds, &options);
+    let values = if found.ending == Ending::NoStart { start } else { found.x };
+    let spread = search.spread(&values)?;
+    if let Some(error) = search.error {
+        return Err(error);
+    }
+    let robot = search.with(&values);
+    let shape = |(k, p): (usize, &Place)| {
+        let at_edge = (values[k] - bounds[k].lower).min(bounds[k].upper - values[k]) < 0.01;
+        let half = spread[k];
+        Shape {
+            name: p.name.clone(),
+            unit: p.unit,
+            stated: stated[k],
+            value: math::exp(values[k]),
+            ci95: [math::exp((values[k] - half).max(bounds[k].lower)), math::exp((values[k] + half).min(bounds[k].upper))],
+            is_shown: !at_edge && half < math::ln(RANGE),
+        }
+    };
+    Ok((robot, places.iter().enumerate().map(shape).collect()))
+}
+
+struct Search<'s> {
+    robot: Robot,
+    places: &'s [Place],
+    pairs: &'s [(&'s Recording, Use)],
+    rows: RowOptions,
+    /// Noise of the drives at the first shapes: one yardstick for all.
+    noise: Vec<f64>,
+    error: Option<InputError>,
+}
+
+impl Search<'_> {
+    /// The robot with shapes at the exponentials of `x`.
+    fn with(&self, x: &[f64]) -> Robot {
+        let mut robot = self.robot.clone();
+        for (p, x) in self.places.iter().zip(x) {
+            robot.effects[p.effect].values[p.value] = math::exp(*x);
+        }
+        robot
+    }
+
+    /// Weighted squared error of the best linear parameters.
+    fn cost(&mut self, x: &[f64]) -> f64 {
+        match self.solved(x) {
+            Ok((cost, _)) => cost,
+            Err(error) => {
+                self.error.get_or_insert(error);
+                f64::INFINITY
+            }
+        }
+    }
+
+    fn solved(&mut self, x: &[f64]) -> Result<(f64, Vec<f64>), InputError> {
+        let robot = self.with(x);
+        let observation = Observation::try_new(&robot, self.pairs, self.rows)?;
+        let factors = Factors::of(&observation, Rows::Fitted, &mut |_| {})?;
+        let usable: Vec<bool> = (0..factors.n_drives()).map(|k| factors.drive(k).count() > 0).collect();
+        let size = |k: usize| {
+            let d: Factor = factors.drive(k);
+            if usable[k] { 1.0 / (d.effort_square() / d.count().max(1) as f64).sqrt().max(f64::MIN_POSITIVE) } else { 0.0 }
+        };
+        let even: Vec<f64> = (0..usable.len()).map(size).collect();
+        let kept = independent(&factors.weighted(&even, &|_| true).triangle());
+        if self.noise.is_empty() {
+            self.noise = drive_noise(&factors, &kept, &usable);
+        }
+        let weights: Vec<f64> = self.noise.iter().map(|s| 1.0 / s).collect();
+        let triangle = factors.weighted(&weights, &|_| true).triangle();
+        let theta = scatter(&least_squares::ordinary(&triangle, &kept), &kept, factors.n_columns());
+        Ok((squared_error(&triangle, &theta), theta))
+    }
+
+    /// Half widths of the 95 % intervals of the logarithms; infinite without curvature.
+    fn spread(&mut self, x: &[f64]) -> Result<Vec<f64>, InputError> {
+        let n = x.len();
+        let (middle, theta) = self.solved(x)?;
+        let mut at = |i: usize, k: usize, si: f64, sk: f64| {
+            let mut there = x.to_vec();
+            there[i] += si * BEND;
+            there[k] += sk * BEND;
+            self.cost(&there)
+        };
+        let bend = Mat::from_fn(n, n, |i, k| {
+            let second = if i == k {
+                at(i, i, 0.5, 0.5) - 2.0 * middle + at(i, i, -0.5, -0.5)
+            } else {
+                0.25 * (at(i, k, 1.0, 1.0) - at(i, k, 1.0, -1.0) - at(i, k, -1.0, 1.0) + at(i, k, -1.0, -1.0))
+            };
+            0.5 * second / (BEND * BEND)
+        });
+        let robot = self.with(x);
+        let observation = Observation::try_new(&robot, self.pairs, self.rows)?;
+        let residuals: Vec<Residual> = residual_series(&observation, Rows::Fitted, &theta)?.iter().map(|s| Residual::of(s, 1.0)).collect();
+        let colour = residuals.iter().map(Residual::colour).fold(1.0, f64::max);
+        let critical = critical_95(residuals.iter().map(Residual::bandwidth).fold(0.0, f64::max));
+        let Ok(llt) = bend.llt(Side::Lower) else { return Ok(vec![f64::INFINITY; n]) };
+        let inverse = llt.solve(Mat::<f64>::identity(n, n));
+        Ok((0..n).map(|k| critical * (colour * inverse[(k, k)].max(0.0)).sqrt()).collect())
+    }
+}
+
+/// Independent columns of a triangle by pivoted QR, ascending.
+pub(crate) fn independent(triangle: &Mat<f64>) -> Vec<usize> {
+    let p = triangle.ncols() - 1;
+    let lengths: Vec<f64> = (0..p).map(|j| triangle.col(j).norm_l2()).collect();
+    let longest = lengths.iter().copied().fold(0.0, f64::max);
+    let acting: Vec<usize> = (0..p).filter(|&j| lengths[j] > 1e-10 * longest).collect();
+    let scaled = Mat::from_fn(triangle.nrows(), acting.len(), |i, j| triangle[(i, acting[j])] / lengths[acting[j]]);
+    let pivoted = scaled.col_piv_qr();
+    let r = pivoted.R();
+    let rank = (0..r.nrows().min(r.ncols())).take_while(|&i| r[(i, i)].abs() > TOLERANCE * r[(0, 0)].abs()).count();
+    let mut kept: Vec<usize> = pivoted.P().arrays().0[..rank].iter().map(|&j| acting[j]).collect();
+    kept.sort_unstable();
+    kept
+}
