@@ -11,6 +11,7 @@ pub mod columns;
 pub mod dataset;
 pub mod error;
 pub mod estimate;
+pub mod excitation;
 pub mod factor;
 pub mod filter;
 pub mod grid;
@@ -27,6 +28,7 @@ mod walk;
 
 pub use answer::{Identification, IdentifyError, Settings, Term};
 pub use error::InputError;
+pub use excitation::excite;
 pub use identify::identify;
 
 pub use dataset::{EffortKind, KnownLoad, Meta, Recording};

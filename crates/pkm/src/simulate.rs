@@ -1,6 +1,6 @@
 //! `pkm simulate`: a robot moves with physics that its files do not have, and what a recorder would have written goes into a file.
 
-mod hidden;
+pub(crate) mod hidden;
 mod reference;
 
 use core::time::Duration;
@@ -79,7 +79,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let file = args.robot.display().to_string();
     let description = robot_file::read(&args.robot)?;
     check::must_assemble(&description.robot.model, &file)?;
-    let concealed = args.hide.iter().map(|text| hidden::parse(text, &description.robot.model)).collect::<anyhow::Result<Vec<_>>>()?;
+    let concealed =
+        args.hide.iter().map(|text| hidden::parse("--hide", text, &description.robot.model)).collect::<anyhow::Result<Vec<_>>>()?;
     reserve(args, &description)?;
     let (trajectory, duration_s) = args.motion.build(&description.robot.model, args.duration, args.seed)?;
     let scenario = scenario(args, duration_s)?;

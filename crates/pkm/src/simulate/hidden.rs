@@ -1,15 +1,15 @@
-//! `--hide NAME@PLACE:PARAMETER=VALUE,...`: an effect of the catalogue, as robot files name it.
+//! `--hide NAME@PLACE:PARAMETER=VALUE,...` and other flags of this form: an effect of the catalogue, as robot files name it.
 
 use anyhow::{Context, bail, ensure};
 use pkm_dyn::effects::{Applied, Law};
 use pkm_dyn::model::Model;
 
-/// The effect that `text` states.
+/// The effect that `text` states after `flag`.
 ///
 /// # Errors
 /// Says what is wrong where in `text`.
-pub(super) fn parse(text: &str, model: &Model) -> anyhow::Result<Applied> {
-    let place = || format!("--hide {text:?}");
+pub(crate) fn parse(flag: &str, text: &str, model: &Model) -> anyhow::Result<Applied> {
+    let place = || format!("{flag} {text:?}");
     let (what, stated) = text.split_once(':').unwrap_or((text, ""));
     let (name, at) = what.split_once('@').with_context(|| format!("{}: no @ (NAME@PLACE:PARAMETER=VALUE,...)", place()))?;
     let effect = Applied::try_new(model, name, at, &numbers(stated).with_context(place)?).with_context(place)?;
