@@ -84,7 +84,8 @@ pub(crate) struct Args {
     /// How far ball and universal joints may lean from the assembly.
     #[arg(long, value_name = "DEG", value_parser = positive)]
     cone: Option<f64>,
-    /// Least distance from singularities: pivot of the loop closure as a share of that in the middle of the travel; 0 asks for none.
+    /// Least distance from singularities: how firmly locked drives hold the passive joints (smallest singular value), as a share of that in
+    /// the middle of the travel; 0 asks for none.
     #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
     singularity: f64,
     /// Do not count these as parameters to be shown; may be given several times.

@@ -21,7 +21,8 @@ pub struct Limits {
     pub acceleration: Option<f64>,
     /// How far ball and universal joints may lean from the assembly `[rad]`.
     pub cone: Option<f64>,
-    /// Least distance from a singularity: the smallest pivot of the loop closure as a share of that in the middle of the travel, 0 to 1.
+    /// Least distance from a singularity: the smallest singular value of the constraints with respect to the joints without a drive, as a
+    /// share of that in the middle of the travel, 0 to 1.
     pub singularity: f64,
 }
 
@@ -121,8 +122,6 @@ pub(super) struct Bounds {
     pub(super) centre: Vec<f64>,
     /// Tree coordinates there.
     pub(super) tree: Vec<f64>,
-    /// Smallest pivot of the loop closure there.
-    pub(super) pivot: f64,
     /// Position, velocity and acceleration of each drive.
     pub(super) drives: Vec<[Bound; 3]>,
     /// Bounds that need the pose of the whole robot.
@@ -142,15 +141,13 @@ impl Bounds {
         let cones = cones(model, &mut data, &at_home);
         data.q.copy_from_slice(&at_home);
         let mut centre = mid_pose(model);
-        let mut closure = walk_to(model, &mut data, &centre);
-        if !closure.is_closed {
-            closure = home;
+        if !walk_to(model, &mut data, &centre).is_closed {
             data.q.copy_from_slice(&at_home);
             centre = model.actuators.iter().map(|&j| at_home[j]).collect();
         }
         let drives = model.actuators.iter().zip(&centre).map(|(&j, &c)| of_drive(model, limits, j, c)).collect();
         let robot = of_robot(model, limits, cones.len());
-        Ok(Self { centre, tree: data.q, pivot: closure.pivot_ratio, drives, robot, cones })
+        Ok(Self { centre, tree: data.q, drives, robot, cones })
     }
 
     /// All with a share of their ranges.

@@ -3,6 +3,7 @@
 use pkm_dyn::effects::{Applied, JointState, Law, Robot};
 use pkm_dyn::inverse_dynamics::closed_loop_motion;
 use pkm_dyn::loops::walk_to;
+use pkm_dyn::svd::Svd;
 use pkm_dyn::{Data, math};
 
 use super::basis::{DriveState, dot};
@@ -36,7 +37,11 @@ pub(super) struct Mechanism<'r> {
     n_rigid: usize,
     data: Data,
     tree: Vec<f64>,
-    pivot: f64,
+    /// Room for the constraints with respect to the dependent joints, and their smallest singular value in the middle of the travel.
+    svd: Svd,
+    held: f64,
+    /// Whether the distance from singularities is looked at.
+    pub(super) is_distance_wanted: bool,
     width: Vec<f64>,
     /// All columns of each drive.
     full: Vec<Vec<f64>>,
@@ -65,6 +70,8 @@ impl<'r> Mechanism<'r> {
             let square: f64 = speed.iter().enumerate().map(|(k, s)| data.reduction[(j, k)] * s).map(|x| x * x).sum();
             SOFTNESS * math::sqrt(square)
         };
+        let mut svd = Svd::new(data.loop_jacobian.nrows(), data.dependent.len());
+        let held = distance(&mut svd, &data);
         Self {
             robot,
             columns,
@@ -75,7 +82,9 @@ impl<'r> Mechanism<'r> {
             width: (0..model.nv()).map(width).collect(),
             data,
             tree: bounds.tree.clone(),
-            pivot: bounds.pivot,
+            svd,
+            held,
+            is_distance_wanted: true,
             full: vec![vec![0.0; columns.len()]; model.n_act()],
             effort: vec![0.0; model.n_act()],
             rows: vec![0.0; model.n_act() * (kept.len() + effects.len())],
@@ -125,7 +134,7 @@ impl<'r> Mechanism<'r> {
         let full = &mut self.full;
         self.columns.fill(model, &mut self.data, &signs, &mut |k, c, x| full[k][c] = x);
         self.fill_rows(&signs);
-        self.fill_values(bounds, closure.pivot_ratio / self.pivot);
+        self.fill_values(bounds);
         true
     }
 
@@ -151,7 +160,7 @@ impl<'r> Mechanism<'r> {
         }
     }
 
-    fn fill_values(&mut self, bounds: &Bounds, pivot_share: f64) {
+    fn fill_values(&mut self, bounds: &Bounds) {
         for (value, bound) in self.values.iter_mut().zip(&bounds.robot) {
             *value = match bound.what {
                 Bounded::Position => self.data.q[bound.place],
@@ -159,8 +168,16 @@ impl<'r> Mechanism<'r> {
                 Bounded::Acceleration => self.data.a[bound.place],
                 Bounded::Effort => self.effort[bound.place],
                 Bounded::Cone => bounds.cones[bound.place].lean(&self.data),
-                Bounded::Singularity => pivot_share,
+                Bounded::Singularity if self.is_distance_wanted => distance(&mut self.svd, &self.data) / self.held,
+                Bounded::Singularity => 1.0,
             };
         }
     }
+}
+
+/// Smallest singular value of the constraints with respect to the dependent joints, in SI units: zero where locked drives do not hold the
+/// mechanism.
+fn distance(svd: &mut Svd, data: &Data) -> f64 {
+    svd.factor(|i, j| data.loop_jacobian[(i, data.dependent[j])]);
+    svd.values().last().copied().unwrap_or(f64::INFINITY)
 }

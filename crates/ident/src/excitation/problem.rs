@@ -10,7 +10,7 @@ use pkm_dyn::math;
 
 use super::basis::{Basis, DriveState, Periodic, dot};
 use super::criterion::{Criterion, judge};
-use super::limits::{Bound, Bounds};
+use super::limits::{Bound, Bounded, Bounds};
 use super::mechanism::{Direction, Mechanism};
 
 /// Samples per cycle of the fastest oscillation at which the robot is evaluated, and the least and most in a period.
@@ -235,6 +235,9 @@ impl Problem {
     /// Slope of one sample's share with respect to positions, velocities and accelerations of the drives.
     fn sample(&self, mechanism: &mut Mechanism<'_>, state: &DriveState, weight: &dyn Fn(usize, usize) -> f64, pull: &[f64]) -> Vec<f64> {
         let (n_act, p, stride) = (state.q.len(), self.n_judged(mechanism), mechanism.n_columns());
+        // A distance without a pull needs no decomposition.
+        let distance = self.bounds.robot.iter().zip(pull).find(|(b, _)| b.what == Bounded::Singularity);
+        mechanism.is_distance_wanted = distance.is_some_and(|(_, pull)| pull.abs() > 0.0);
         let mut share = |state: &DriveState| {
             if !mechanism.look(state, &self.bounds, Direction::Smooth) {
                 return f64::NAN;
@@ -254,6 +257,7 @@ impl Problem {
                 out.push(if slope.is_finite() { slope } else { 0.0 });
             }
         }
+        mechanism.is_distance_wanted = true;
         out
     }
 
