@@ -50,9 +50,6 @@ const STATES: usize = 300;
 /// Condition number below which identification of parallel robots is taken to be sound \[Armas, sec. 2.1.5\].
 pub const CONDITION_LIMIT: f64 = 300.0;
 
-/// Largest numbers of functions, restarts, draws and steps: beyond them a mistyped number would compute for days.
-const MOST: [(&str, usize); 5] = [("harmonics", 50), ("pieces", 100), ("restarts", 1000), ("draws", 100_000), ("iterations", 100_000)];
-
 /// What motion to look for.
 #[derive(Debug, Clone)]
 pub struct Settings {
@@ -338,7 +335,7 @@ fn all_columns(search: &Search<'_, '_>, robot: &Robot, columns: &Columns, motion
     let mut out = Factor::new(columns.len());
     for i in 0..n {
         let state = motion.at(motion.period_s * i as f64 / n as f64);
-        if i == 0 && !mechanism.go(&state.q) || !mechanism.look(&state, search.bounds, Direction::Sharp) {
+        if (i == 0 && !mechanism.go(&state.q)) || !mechanism.look(&state, search.bounds, Direction::Sharp) {
             return Err(search.told(&problem::Refused::Open, &robot.model.name));
         }
         mechanism.rows.chunks(columns.len()).for_each(|row| out.push(row, 0.0, 0.0));
@@ -384,27 +381,19 @@ fn is_of(quantity: Quantity, e: &Applied) -> bool {
 }
 
 fn check(s: &Settings) -> Result<(), ExciteError> {
-    let (functions, least) = match s.basis {
-        Basis::Fourier { harmonics } => ((MOST[0], harmonics), 3),
-        Basis::Spline { pieces } => ((MOST[1], pieces), 8),
+    let functions = match s.basis {
+        Basis::Fourier { harmonics } => ("harmonics", harmonics, 3, 50, "must be 3 to 50"),
+        Basis::Spline { pieces } => ("pieces", pieces, 8, 100, "must be 8 to 100"),
     };
-    let counts = [(functions, least), ((MOST[2], s.restarts), 1), ((MOST[3], s.draws), 1), ((MOST[4], s.iterations), 0)];
-    for (((what, most), value), least) in counts {
-        if value < least {
-            return Err(ExciteError::Setting {
-                what,
-                value: value as f64,
-                limit: if least == 8 {
-                    "must be at least 8"
-                } else if least == 3 {
-                    "must be at least 3"
-                } else {
-                    "must be at least 1"
-                },
-            });
-        }
-        if value > most {
-            return Err(ExciteError::Setting { what, value: value as f64, limit: "is more than would ever end" });
+    // Beyond the upper ends a mistyped number would compute for days.
+    for (what, value, least, most, limit) in [
+        functions,
+        ("restarts", s.restarts, 1, 1000, "must be 1 to 1000"),
+        ("draws", s.draws, 1, 100_000, "must be 1 to 100000"),
+        ("iterations", s.iterations, 0, 100_000, "must be at most 100000"),
+    ] {
+        if !(least..=most).contains(&value) {
+            return Err(ExciteError::Setting { what, value: value as f64, limit });
         }
     }
     if !(s.period_s.is_finite() && s.period_s > 0.0) {

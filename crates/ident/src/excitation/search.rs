@@ -165,6 +165,9 @@ impl Search<'_, '_> {
             Refused::Open => ExciteError::NoMotion { robot, reason: "the loops do not close".to_string() },
             Refused::Blind => ExciteError::Blind { robot },
             Refused::Outside(b, value) => {
+                // As the user knows it: the search keeps a little less.
+                let is_same = |c: &&Bound| c.what == b.what && c.place == b.place;
+                let b = self.bounds.drives.iter().flatten().chain(&self.bounds.robot).find(is_same).unwrap_or(b);
                 let (place, what, lower, upper) = ((self.name)(b), b.what, b.lower, b.upper);
                 ExciteError::NoMotion { robot, reason: format!("{} of {place}: {value:.4} (limits {lower:.4} to {upper:.4})", what.name()) }
             }

@@ -64,7 +64,7 @@ pub(super) fn verify(
     for i in 0..n {
         let t = motion.period_s * i as f64 / n as f64;
         let state = motion.at(t);
-        if i == 0 && !mechanism.go(&state.q) || !mechanism.look(&state, bounds, Direction::Sharp) {
+        if (i == 0 && !mechanism.go(&state.q)) || !mechanism.look(&state, bounds, Direction::Sharp) {
             return Err(Refused::Open);
         }
         let of_drives = (0..state.q.len()).flat_map(|k| [state.q[k], state.v[k], state.a[k]]);

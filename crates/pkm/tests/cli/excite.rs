@@ -85,7 +85,7 @@ fn bad_usage_is_one_line() {
     let folder = rig();
     let with = |more: &[&'static str]| [&ARGUMENTS[..], more].concat();
     refused(folder.path(), &["excite", "rig.toml", "--out", "motion.txt"], &["motion.txt"]);
-    refused(folder.path(), &["excite", "rig.toml", "--out", "rig.csv", "--harmonics", "2"], &["rig.toml", "harmonics = 2", "at least 3"]);
+    refused(folder.path(), &["excite", "rig.toml", "--out", "rig.csv", "--harmonics", "2"], &["rig.toml", "harmonics = 2", "3 to 50"]);
     refused(folder.path(), &["excite", "rig.toml", "--out", "a.csv", "--basis", "bezier"], &["--basis", "bezier"]);
     refused(folder.path(), &with(&["--criterion", "angle"]), &["--criterion angle", "0 effects", "--separate"]);
     refused(folder.path(), &with(&["--separate", "friction_coulomb@j1:coulomb=1"]), &["--separate", "1 effects"]);
