@@ -6,9 +6,8 @@
 //! positions, velocities, accelerations and efforts of drives, positions and velocities of passive joints, leans of ball joints, distance
 //! from singularities. Restarts run in parallel; the same settings give the same bits whatever the number of threads.
 //!
-//! Measured against the best of 96 random admissible motions that use the same limits (`cargo test -p pkm-ident --test excitation --
-//! --nocapture` prints the table), condition numbers of the base columns at length one with seed 1 are in the table of
-//! `docs/DESIGN.md`'s section on excitation.
+//! How much better the results are than the best of the random motions with the same limits is part of every answer
+//! ([`Excitation::gain`]); `cargo test -p pkm-ident --test excitation -- --nocapture` prints it for several robots.
 //!
 //! What a motion of the right kind cannot show is no question of optimisation: the number of base parameters is structural, the number of
 //! those that a motion shows well is not, so both are reported.
