@@ -51,7 +51,8 @@ fn assert_admissible(robot: &Robot, e: &Excitation, n: u32) {
         for (k, &j) in model.actuators.iter().enumerate() {
             let mut tau = data.tau_act[k];
             for p in 0..model.nv() {
-                let state = JointState { q: data.q[p], v: data.v[p], a: data.a[p], sign: math::sign(data.v[p]), load: 0.0 };
+                let mut state = JointState { load: 0.0, ..JointState::default() };
+                (state.q, state.v, state.a, state.sign) = (data.q[p], data.v[p], data.a[p], math::sign(data.v[p]));
                 tau += data.reduction[(p, k)] * robot.joint_effort(p, &state);
             }
             let most = share * model.joints[j].limits.effort;

@@ -152,7 +152,8 @@ impl<'r> Mechanism<'r> {
             let Law::JointEffort(law) = e.entry.law else { continue };
             let j = e.place;
             let load = model.actuators.iter().position(|&a| a == j).map_or(0.0, |k| load[k]);
-            let state = JointState { q: self.data.q[j], v: self.data.v[j], a: self.data.a[j], sign: signs[j], load };
+            let mut state = JointState { load, ..JointState::default() };
+            (state.q, state.v, state.a, state.sign) = (self.data.q[j], self.data.v[j], self.data.a[j], signs[j]);
             let effort = law(&e.values, &state);
             for k in 0..self.full.len() {
                 self.rows[k * n + self.kept.len() + i] = self.data.reduction[(j, k)] * effort;
