@@ -133,11 +133,8 @@ fn two_effects_are_further_apart_than_along_any_random_motion() {
         let values: Vec<(String, f64)> = values.iter().map(|(n, v)| ((*n).to_string(), *v)).collect();
         Applied::try_new(&robot.model, name, "shoulder_left", &values).unwrap()
     };
-    // Friction that grows with load, and friction that is high at creeping speed: both look like more dry friction.
-    let effects = vec![
-        effect("friction_load", &[("mu", 0.1)]),
-        effect("friction_stribeck", &[("coulomb", 0.0), ("stiction", 1.0), ("stribeck_velocity", 0.2)]),
-    ];
+    // Friction that grows with load looks like more dry friction where the load changes little.
+    let effects = vec![effect("friction_load", &[("mu", 0.1)]), effect("friction_coulomb", &[("coulomb", 1.0)])];
     for criterion in [Criterion::Angle, Criterion::Power] {
         let e = found(&robot, &Settings { criterion, effects: effects.clone(), ..quick() });
         let (s, random) = (e.quality.separation.unwrap(), e.random.best.separation.unwrap());
@@ -150,12 +147,12 @@ fn two_effects_are_further_apart_than_along_any_random_motion() {
             e.gain()
         );
         match criterion {
-            Criterion::Angle => assert!(s.angle_deg() > random.angle_deg(), "{s:?} {random:?}"),
+            Criterion::Angle => assert!(s.angle_deg() > random.angle_deg() + 5.0, "{s:?} {random:?}"),
             _ => assert!(e.gain() > 1.2, "{s:?} {random:?}"),
         }
         assert_admissible(&robot, &e, 4000);
     }
-    // The mass of a link is a base parameter: what a rotor does to a single hinge is another one's business, dry friction's double is not.
+    // Dry friction and twice as much of it are one column.
     let twice = vec![effect("friction_coulomb", &[("coulomb", 1.0)]), effect("friction_coulomb", &[("coulomb", 2.0)])];
     let refused = excite(&robot, &Settings { criterion: Criterion::Angle, effects: twice, ..quick() }, &|_| {});
     assert!(matches!(refused, Err(ExciteError::Blind { .. })), "{refused:?}");

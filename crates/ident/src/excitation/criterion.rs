@@ -67,6 +67,9 @@ impl Separation {
 /// Eigenvalues of the scaled Gram matrix below this share of the largest are rounding.
 const ROUNDING: f64 = 1e-13;
 
+/// Weight of the power beside the angle: where the angle is right already, the motion must not dwindle.
+const SIZE: f64 = 0.05;
+
 /// An effect of which less than this share is left lies in the span of the base parameters.
 pub(super) const IN_SPAN: f64 = 1e-8;
 
@@ -176,15 +179,19 @@ fn separate(criterion: Criterion, n: &Mat<f64>, lengths: &[f64]) -> Option<Judge
         return None;
     }
     let inverse = [s22 / determinant, -s12 / determinant, s11 / determinant];
-    // ln sin² and its derivative with respect to S, then that of the two lengths.
-    let lengths_share = if criterion == Criterion::Angle { -1.0 } else { -0.5 };
-    let value = -0.5 * (math::ln(determinant) + lengths_share * math::ln(s11 * s22));
-    let h = [-0.5 * (inverse[0] + lengths_share / s11), -0.5 * inverse[1], -0.5 * (inverse[2] + lengths_share / s22)];
+    // Shares of ln det S and of ln S₁₁S₂₂ in the criterion, and in what is made small in its place.
+    let [exact, smooth] = match criterion {
+        Criterion::Angle => [[1.0, -1.0], [1.0 + SIZE, -1.0 - 0.5 * SIZE]],
+        _ => [[1.0, -0.5]; 2],
+    };
+    let worth = |[a, b]: [f64; 2]| -0.5 * (a * math::ln(determinant) + b * math::ln(s11 * s22));
+    let h = |i: usize, own: f64| -0.5 * (smooth[0] * inverse[i] + smooth[1] * own);
+    let h = [h(0, 1.0 / s11), h(1, 0.0), h(2, 1.0 / s22)];
     // dS = Tᵀ·dM·T with T = [−A⁻¹B; 1].
     let t = Mat::from_fn(p + 2, 2, |i, j| if i < p { -x[(i, j)] * lengths[p + j] / lengths[i] } else { f64::from(u8::from(i - p == j)) });
     let h = Mat::from_fn(2, 2, |i, j| h[i + j]);
     let slope = &t * h * t.transpose();
-    Some(Judged { value, smooth: value, slope })
+    Some(Judged { value: worth(exact), smooth: worth(smooth), slope })
 }
 
 /// What the last two columns of a Gram matrix have left beside the others; none where an effect acts not at all or lies in their span.
