@@ -19,14 +19,12 @@ const FIRST: f64 = 0.05;
 const DONE: f64 = 1e-4;
 const PATIENCE: usize = 6;
 
+/// Value at a point, and its slope where one is asked for.
+type Look<'l> = dyn FnMut(&[f64], Option<&mut Vec<f64>>) -> Option<f64> + 'l;
+
 /// Goes down from `x` for at most `steps` steps and returns how many it took. `look` gives the value at a point, and its slope where one is
 /// asked for; none where there is no value. `told` hears of every accepted point.
-pub(super) fn descend(
-    x: &mut Vec<f64>,
-    steps: usize,
-    look: &mut dyn FnMut(&[f64], Option<&mut Vec<f64>>) -> Option<f64>,
-    told: &mut dyn FnMut(),
-) -> usize {
+pub(super) fn descend(x: &mut Vec<f64>, steps: usize, look: &mut Look<'_>, told: &mut dyn FnMut()) -> usize {
     let mut slope = vec![0.0; x.len()];
     let Some(mut value) = look(x, Some(&mut slope)) else { return 0 };
     let mut memory: Vec<(Vec<f64>, Vec<f64>)> = Vec::new();

@@ -166,9 +166,9 @@ impl Problem {
             let half = (0.5 * (high - low)).max(f64::MIN_POSITIVE);
             let gain = use_of[k] * (b[0].half() / half).min(b[1].upper / top(|s| &s.v)).min(b[2].upper / top(|s| &s.a));
             let (middle, wanted) = (0.5 * (low + high), 0.5 * (b[0].lower + b[0].upper));
-            for c in k * m..(k + 1) * m {
-                let one = self.one(k, c - k * m);
-                x[c] = gain * (x[c] - middle * one) + wanted * one;
+            for (c, x) in x[k * m..(k + 1) * m].iter_mut().enumerate() {
+                let one = self.one(k, c);
+                *x = gain * (*x - middle * one) + wanted * one;
             }
         }
     }
