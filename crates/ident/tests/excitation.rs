@@ -1,5 +1,6 @@
 //! Excitation on the shipped robots: limits by another path, gains over random motions, effects told apart, refusals.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails, outside #[test] functions too")]
+#![expect(clippy::print_stdout, reason = "measured numbers are for those who look")]
 
 use pkm_dyn::Data;
 use pkm_dyn::effects::{Applied, JointState, Robot};
