@@ -12,6 +12,7 @@ pub mod dataset;
 pub mod distributions;
 pub mod error;
 pub mod estimate;
+pub mod excitation;
 pub mod factor;
 pub mod filter;
 pub mod gains;
@@ -34,6 +35,7 @@ mod walk;
 
 pub use answer::{Identification, IdentifyError, Settings, Shapes, Simulate, Term};
 pub use error::InputError;
+pub use excitation::excite;
 pub use identify::{identify, identify_in_closed_loop};
 
 pub use dataset::{EffortKind, KnownLoad, Meta, Recording};

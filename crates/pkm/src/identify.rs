@@ -102,7 +102,7 @@ impl ValueEnum for MethodName {
 
 /// A term as a word on the command line.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct TermName(Term);
+pub(crate) struct TermName(pub(crate) Term);
 
 impl ValueEnum for TermName {
     fn value_variants<'a>() -> &'a [Self] {

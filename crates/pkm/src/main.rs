@@ -8,6 +8,7 @@ mod demo;
 mod diagnose;
 mod diagnosis;
 mod effects;
+mod excite;
 mod export;
 mod identify;
 mod mu;
@@ -48,6 +49,7 @@ Look at a robot:
   export      Write a robot for Pinocchio or MuJoCo
 
 Handle recordings:
+  excite      Find a motion that shows a robot's parameters, or tells two effects apart
   simulate    Record a simulated robot, with or without concealed physics
   convert     Turn a CSV recording into MCAP, or back
   twin        Replay a recording in simulation and compare
@@ -104,6 +106,8 @@ enum Verb {
     Effects(effects::Args),
     /// Write a robot for Pinocchio or MuJoCo.
     Export(export::Args),
+    /// Find a motion that shows a robot's parameters, or tells two effects apart.
+    Excite(excite::Args),
     /// Record a simulated robot, with or without concealed physics.
     Simulate(simulate::Args),
     /// Turn a CSV recording into MCAP, or back.
@@ -136,6 +140,7 @@ fn main() -> ExitCode {
         Verb::Workspace(args) => workspace::run(args),
         Verb::Effects(args) => effects::run(args),
         Verb::Export(args) => export::run(args),
+        Verb::Excite(args) => excite::run(args),
         Verb::Simulate(args) => simulate::run(args),
         Verb::Convert(args) => convert::run(args),
         Verb::Twin(args) => twin::run(args),

@@ -1,4 +1,4 @@
-//! `--hide NAME@PLACE:PARAMETER=VALUE,...`: an effect of the catalogue, as robot files name it.
+//! `--hide NAME@PLACE:PARAMETER=VALUE,...` and other flags of this form: an effect of the catalogue, as robot files name it.
 
 use anyhow::{Context, bail, ensure};
 use pkm_dyn::effects::Applied;

@@ -1,0 +1,184 @@
+//! The robot at one state of its drives: the columns that the state shows, and the values that bounds are about.
+
+use pkm_dyn::effects::{Applied, JointState, Law, Robot};
+use pkm_dyn::inverse_dynamics::closed_loop_motion;
+use pkm_dyn::loops::walk_to;
+use pkm_dyn::svd::Svd;
+use pkm_dyn::{Data, math};
+
+use super::basis::{DriveState, dot};
+use super::limits::{Bounded, Bounds};
+use crate::columns::{Columns, Quantity};
+
+/// Width over which the direction of motion passes through zero while a motion is being improved, as a share of the usual speed. A step
+/// has no slope that would say where to go.
+const SOFTNESS: f64 = 0.05;
+
+/// How the direction of motion passes through zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Direction {
+    /// Within a width.
+    Smooth,
+    /// At once.
+    Sharp,
+}
+
+/// Robot, columns and room to compute in.
+#[derive(Clone)]
+pub(super) struct Mechanism<'r> {
+    robot: &'r Robot,
+    columns: &'r Columns,
+    /// Columns that count.
+    kept: &'r [usize],
+    /// Effects whose columns come after them.
+    effects: &'r [Applied],
+    theta: Vec<f64>,
+    /// Inertial and rotor columns come first.
+    n_rigid: usize,
+    data: Data,
+    tree: Vec<f64>,
+    /// Room for the constraints with respect to the dependent joints, and their smallest singular value in the middle of the travel.
+    svd: Svd,
+    held: f64,
+    /// Whether the distance from singularities is looked at.
+    pub(super) is_distance_wanted: bool,
+    width: Vec<f64>,
+    /// All columns of each drive.
+    full: Vec<Vec<f64>>,
+    effort: Vec<f64>,
+    /// Columns that count and effects, drive by drive.
+    pub(super) rows: Vec<f64>,
+    /// Value of each bound of the robot.
+    pub(super) values: Vec<f64>,
+}
+
+impl<'r> Mechanism<'r> {
+    /// `speed` is the usual speed of each drive `[m/s | rad/s]`.
+    pub(super) fn new(
+        robot: &'r Robot,
+        columns: &'r Columns,
+        (kept, effects): (&'r [usize], &'r [Applied]),
+        bounds: &Bounds,
+        speed: &[f64],
+    ) -> Self {
+        let model = &robot.model;
+        let n_rigid = columns.list.iter().take_while(|p| matches!(p.quantity, Quantity::Inertial { .. } | Quantity::Rotor { .. })).count();
+        let mut data = Data::new(model);
+        data.q.copy_from_slice(&bounds.tree);
+        let _closed_before = walk_to(model, &mut data, &bounds.centre);
+        let width = |j: usize| {
+            let square: f64 = speed.iter().enumerate().map(|(k, s)| data.reduction[(j, k)] * s).map(|x| x * x).sum();
+            SOFTNESS * math::sqrt(square)
+        };
+        let mut svd = Svd::new(data.loop_jacobian.nrows(), data.dependent.len());
+        let held = distance(&mut svd, &data);
+        Self {
+            robot,
+            columns,
+            kept,
+            effects,
+            theta: columns.nominal(),
+            n_rigid,
+            width: (0..model.nv()).map(width).collect(),
+            data,
+            tree: bounds.tree.clone(),
+            svd,
+            held,
+            is_distance_wanted: true,
+            full: vec![vec![0.0; columns.len()]; model.n_act()],
+            effort: vec![0.0; model.n_act()],
+            rows: vec![0.0; model.n_act() * (kept.len() + effects.len())],
+            values: vec![0.0; bounds.robot.len()],
+        }
+    }
+
+    /// Columns in [`Mechanism::rows`] per drive.
+    pub(super) fn n_columns(&self) -> usize {
+        self.kept.len() + self.effects.len()
+    }
+
+    /// Effects among them.
+    pub(super) fn n_effects(&self) -> usize {
+        self.effects.len()
+    }
+
+    /// Goes from the middle of the travel to drives' positions `q`, so that the branch of the loops is kept; whether it can.
+    pub(super) fn go(&mut self, q: &[f64]) -> bool {
+        self.data.q.copy_from_slice(&self.tree);
+        walk_to(&self.robot.model, &mut self.data, q).is_closed
+    }
+
+    /// Tree coordinates now.
+    pub(super) fn tree(&self) -> &[f64] {
+        &self.data.q
+    }
+
+    /// Puts the robot at tree coordinates from [`Mechanism::tree`].
+    pub(super) fn put(&mut self, tree: &[f64]) {
+        self.data.q.copy_from_slice(tree);
+    }
+
+    /// Fills rows and values at `state`, from a pose nearby; whether the loops close there.
+    pub(super) fn look(&mut self, state: &DriveState, bounds: &Bounds, direction: Direction) -> bool {
+        let model = &self.robot.model;
+        let closure = closed_loop_motion(model, &mut self.data, &state.q, &state.v, &state.a);
+        if !closure.is_closed {
+            return false;
+        }
+        let sign = |(v, w): (&f64, &f64)| match direction {
+            Direction::Sharp => math::sign(*v),
+            Direction::Smooth => math::tanh(*v / w.max(f64::MIN_POSITIVE)),
+        };
+        let signs: Vec<f64> = self.data.v.iter().zip(&self.width).map(sign).collect();
+        self.full.iter_mut().for_each(|row| row.fill(0.0));
+        let full = &mut self.full;
+        self.columns.fill(model, &mut self.data, &signs, &mut |k, c, x| full[k][c] = x);
+        self.fill_rows(&signs);
+        self.fill_values(bounds);
+        true
+    }
+
+    fn fill_rows(&mut self, signs: &[f64]) {
+        let (n, model) = (self.n_columns(), &self.robot.model);
+        let load: Vec<f64> = self.full.iter().map(|row| dot(&row[..self.n_rigid], &self.theta)).collect();
+        self.columns.kept_effort(model, &self.data, signs, &load, &mut self.effort);
+        for (k, row) in self.full.iter().enumerate() {
+            self.effort[k] += dot(row, &self.theta);
+            for (i, &c) in self.kept.iter().enumerate() {
+                self.rows[k * n + i] = row[c];
+            }
+        }
+        for (i, e) in self.effects.iter().enumerate() {
+            let Law::JointEffort(law) = e.entry.law else { continue };
+            let j = e.place;
+            let load = model.actuators.iter().position(|&a| a == j).map_or(0.0, |k| load[k]);
+            let mut state = JointState { load, ..JointState::default() };
+            (state.q, state.v, state.a, state.sign) = (self.data.q[j], self.data.v[j], self.data.a[j], signs[j]);
+            let effort = law(&e.values, &state);
+            for k in 0..self.full.len() {
+                self.rows[k * n + self.kept.len() + i] = self.data.reduction[(j, k)] * effort;
+            }
+        }
+    }
+
+    fn fill_values(&mut self, bounds: &Bounds) {
+        for (value, bound) in self.values.iter_mut().zip(&bounds.robot) {
+            *value = match bound.what {
+                Bounded::Position => self.data.q[bound.place],
+                Bounded::Velocity => self.data.v[bound.place],
+                Bounded::Acceleration => self.data.a[bound.place],
+                Bounded::Effort => self.effort[bound.place],
+                Bounded::Cone => bounds.cones[bound.place].lean(&self.data),
+                Bounded::Singularity if self.is_distance_wanted => distance(&mut self.svd, &self.data) / self.held,
+                Bounded::Singularity => 1.0,
+            };
+        }
+    }
+}
+
+/// Smallest singular value of the constraints with respect to the dependent joints, in SI units: zero where locked drives do not hold the
+/// mechanism.
+fn distance(svd: &mut Svd, data: &Data) -> f64 {
+    svd.factor(|i, j| data.loop_jacobian[(i, data.dependent[j])]);
+    svd.values().last().copied().unwrap_or(f64::INFINITY)
+}
