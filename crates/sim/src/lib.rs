@@ -14,6 +14,8 @@ mod nominal_motion;
 pub mod plant;
 pub mod playback;
 mod random;
+#[cfg(feature = "rapier")]
+pub mod rapier;
 pub mod reference;
 pub mod scenario;
 pub mod sensors;
@@ -25,6 +27,8 @@ pub use error::SimError;
 pub use hidden::{describe, draw};
 pub use plant::{Plant, ReducedPlant};
 pub use playback::Playback;
+#[cfg(feature = "rapier")]
+pub use rapier::{RapierOptions, RapierPlant};
 pub use reference::{Reference, ReferenceOptions, Sample};
 pub use scenario::{Scenario, run, run_along};
 pub use shaped::{Shape, Shaped};
