@@ -27,6 +27,9 @@ const ENGINE: &str = "rapier";
 /// A fastening that opens farther than this has torn `[m | rad]`.
 const TORN: f64 = 1e-2;
 
+/// Share of a joint's least inertia that friction may stop in one substep without looking at the velocity at its end.
+const BEARABLE: f64 = 0.5;
+
 /// How the engine is run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RapierOptions {
@@ -40,7 +43,7 @@ pub struct RapierOptions {
 
 impl Default for RapierOptions {
     fn default() -> Self {
-        Self { substep: 2.5e-4, sweeps: 8, smoothing: 1e-3 }
+        Self { substep: 2.5e-4, sweeps: 32, smoothing: 1e-3 }
     }
 }
 
@@ -111,7 +114,7 @@ impl RapierPlant {
         forward_kinematics(model, &mut data, &tree);
         let plan = Plan::try_new(model, &data)?;
         let world = World::try_new(model, &data, &plan, options.sweeps)?;
-        let shafts = shafts(&robot, &plan)?;
+        let shafts = shafts(&robot, &plan, &world)?;
         let resisting = (0..model.nv()).filter(|&j| resists(&robot, j) && !shafts.iter().any(|s| s.joint == j)).collect();
         let (chains, parents) = plan.chains.iter().map(|c| (c.joints.clone(), c.parent)).unzip();
         let (zero, nothing) = (vec![0.0; n], vec![0.0; model.nv()]);
@@ -213,15 +216,16 @@ impl RapierPlant {
         let Self { robot, world, coordinates, shafts, resisting, efforts, load, options, .. } = self;
         for shaft in shafts {
             let j = shaft.joint;
-            let at = At { q: coordinates.q[j], v: coordinates.v_middle[j], load: load[j] };
-            let felt = if shaft.resists { resistance(robot, j, at, options.smoothing) } else { Resistance::default() };
+            let at = At { q: coordinates.q[j], v: coordinates.velocity(j, since), load: load[j] };
+            let bearable = BEARABLE * shaft.least / kick;
+            let felt = if shaft.resists { resistance(robot, j, at, options.smoothing, bearable) } else { Resistance::default() };
             efforts[j] -= felt.effort;
             let row = shaft.load(felt, at.v, kick);
             world.set_row(shaft.fastening, robot.model.joints[j].kind, row, h);
         }
         for &j in resisting.iter() {
             let at = At { q: coordinates.q[j], v: coordinates.velocity(j, since), load: load[j] };
-            let effort = resistance(robot, j, at, options.smoothing).effort;
+            let effort = resistance(robot, j, at, options.smoothing, f64::MAX).effort;
             load[j] = if robot.model.actuators.contains(&j) { efforts[j] - effort } else { 0.0 };
             efforts[j] -= effort;
         }
@@ -259,17 +263,16 @@ fn resists(robot: &Robot, j: usize) -> bool {
 }
 
 /// Joints with rotor inertia, friction or an effect that a fastening of their own leaves free.
-fn shafts(robot: &Robot, plan: &Plan) -> Result<Vec<Shaft>, SimError> {
+fn shafts(robot: &Robot, plan: &Plan, world: &World) -> Result<Vec<Shaft>, SimError> {
     let mut out = Vec::new();
     for (j, joint) in robot.model.joints.iter().enumerate() {
-        let inertia = joint.armature + inertia_of_effects(robot, j);
-        let fastening = plan.fastenings.iter().position(|f| f.joint == Some(j));
-        let resists = resists(robot, j);
-        match fastening {
-            Some(fastening) if resists || inertia != 0.0 => {
-                out.push(Shaft::new(j, fastening, inertia, inertia - joint.armature, resists));
+        let added = inertia_of_effects(robot, j);
+        let (has_rotor, resists) = (joint.armature + added != 0.0, resists(robot, j));
+        match plan.fastenings.iter().position(|f| f.joint == Some(j)) {
+            Some(f) if resists || has_rotor => {
+                out.push(Shaft::new([j, f], [joint.armature, added, world.free_inertia(f, joint.kind)], resists));
             }
-            None if inertia != 0.0 => {
+            None if has_rotor => {
                 return Err(refused(&format!("rotor inertia of joint {:?}", joint.name), "a body next to it has no mass"));
             }
             _ => {}

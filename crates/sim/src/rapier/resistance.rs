@@ -3,9 +3,6 @@
 use pkm_dyn::effects::{JointState, Robot};
 use pkm_dyn::math::tanh;
 
-/// Friction is taken implicitly below this many smoothing speeds, and less and less above: there the explicit effort is of second order.
-const IMPLICIT_BELOW: f64 = 10.0;
-
 /// Step of the difference quotient in smoothing speeds.
 const QUOTIENT: f64 = 1e-3;
 
@@ -30,7 +27,11 @@ pub(super) struct Resistance {
 }
 
 /// What joint `j` opposes to its motion; the direction of motion is `tanh(v/width)`, `width` `[m/s | rad/s]`.
-pub(super) fn resistance(robot: &Robot, j: usize, at: At, width: f64) -> Resistance {
+///
+/// `bearable` is the steepest resistance `[N·s/m | N·m·s/rad]` that a substep can take at the velocity of its beginning; of anything steeper
+/// the rest is the slope, for the velocity at its end. Where nothing is left the effort is of second order, and the engine's sweeps have a
+/// known push to solve for.
+pub(super) fn resistance(robot: &Robot, j: usize, at: At, width: f64, bearable: f64) -> Resistance {
     let ratio = at.v / width;
     let sign = tanh(ratio);
     let effort = |v: f64, sign: f64| robot.joint_effort(j, &JointState { q: at.q, v, a: 0.0, sign, load: at.load });
@@ -39,10 +40,7 @@ pub(super) fn resistance(robot: &Robot, j: usize, at: At, width: f64) -> Resista
     let dry = 0.5 * (effort(at.v, 1.0) - effort(at.v, -1.0));
     // The chord through standstill: it stops a joint but never turns it round, as a tangent would.
     let chord = if ratio.abs() > QUOTIENT { dry * sign / at.v } else { dry / width };
-    let far = ratio / IMPLICIT_BELOW;
-    // Half of what is viscous: the mean of the velocities before and after.
-    let slope = 0.5 * viscous + chord / (1.0 + far * far);
-    Resistance { effort: effort(at.v, sign), slope: slope.max(0.0) }
+    Resistance { effort: effort(at.v, sign), slope: (viscous + chord - bearable).max(0.0) }
 }
 
 /// Inertia among the effects of joint `j` `[kg | kg·m²]`.

@@ -14,7 +14,9 @@ pub(super) struct Shaft {
     pub(super) fastening: usize,
     /// Rotor inertia `[kg | kg·m²]`.
     pub(super) inertia: f64,
-    /// That part of it which effects add.
+    /// Least inertia that the joint can move, rotor included: that of the bodies on either side as if they were free `[kg | kg·m²]`.
+    pub(super) least: f64,
+    /// The part of the rotor's that effects add.
     added: f64,
     /// Whether the joint has friction or an effect.
     pub(super) resists: bool,
@@ -26,9 +28,12 @@ pub(super) struct Shaft {
 }
 
 impl Shaft {
-    pub(super) fn new(joint: usize, fastening: usize, inertia: f64, added: f64, resists: bool) -> Self {
-        let row = Row { gain: 0.0, target: 0.0 };
-        Self { joint, fastening, inertia, added, resists, rotor: 0.0, felt: Resistance::default(), felt_at: 0.0, row }
+    /// On joint `joint` of the tree with its nominal rotor and what effects add to it `[kg | kg·m²]`; `free` is the inertia of the bodies on
+    /// either side.
+    pub(super) fn new([joint, fastening]: [usize; 2], [nominal, added, free]: [f64; 3], resists: bool) -> Self {
+        let (inertia, row) = (nominal + added, Row { gain: 0.0, target: 0.0 });
+        let (least, felt) = (inertia + free, Resistance::default());
+        Self { joint, fastening, inertia, least, added, resists, rotor: 0.0, felt, felt_at: 0.0, row }
     }
 
     /// The row for a push of `kick` `[s]` against resistance `felt` at velocity `v`, whose effort at `v` is applied elsewhere.

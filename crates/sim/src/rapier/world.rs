@@ -143,6 +143,24 @@ impl World {
         }
     }
 
+    /// Inertia along the free axis of fastening `f` if nothing else held the bodies on either side `[kg | kg·m²]`: other fastenings only add.
+    pub(super) fn free_inertia(&self, f: usize, kind: JointKind) -> f64 {
+        let fastening = &self.fastenings[f].0;
+        let x = self.pose(fastening.a.body).compose(&fastening.a.pose);
+        let axis = x.rotation.column(0).into_owned();
+        let response = |member: &Member| {
+            let turned = match kind {
+                JointKind::Revolute => axis,
+                JointKind::Prismatic => (x.translation - member.centre()).cross(&axis),
+            };
+            let pushed = if kind == JointKind::Prismatic { 1.0 / member.mass.mass } else { 0.0 };
+            // Inertias were found positive definite.
+            pushed + member.inertia().cholesky().map_or(0.0, |factor| turned.dot(&factor.solve(&turned)))
+        };
+        let ends = [fastening.a.body, fastening.b.body];
+        1.0 / ends.into_iter().filter_map(|body| self.member(body)).map(response).sum::<f64>()
+    }
+
     /// Sets the row on the free axis of fastening `f`, whose joint is of this kind.
     pub(super) fn set_row(&mut self, f: usize, kind: JointKind, row: Row, h: f64) {
         let Some(joint) = self.physics.impulse_joints.get_mut(self.fastenings[f].1, false) else { return };
@@ -255,9 +273,8 @@ fn generic(fastening: &Fastening) -> GenericJoint {
         locked |= axis;
     }
     let mut joint = GenericJoint::new(locked);
-    joint.set_local_frame1(pose_to(&fastening.a.pose));
-    joint.set_local_frame2(pose_to(&fastening.b.pose));
+    joint.set_local_frame1(pose_to(&fastening.a.pose)).set_local_frame2(pose_to(&fastening.b.pose));
     joint.set_contacts_enabled(false);
-    joint.set_softness(SpringCoefficients::new(FASTENING_HZ, 1.0));
+    joint.softness = SpringCoefficients::new(FASTENING_HZ, 1.0);
     joint
 }

@@ -12,7 +12,7 @@ use pkm_dyn::{Data, loops};
 use pkm_sim::{Plant, RapierOptions, RapierPlant, ReducedPlant};
 
 /// Period of the controller `[s]`.
-pub const PERIOD: f64 = 1e-3;
+pub(crate) const PERIOD: f64 = 1e-3;
 
 /// Bandwidth `[rad/s]` and damping ratio of the loop.
 const BANDWIDTH: f64 = 50.0;
@@ -21,17 +21,17 @@ const DAMPING: f64 = 0.9;
 /// Share of half the travel that the motion uses.
 const SHARE: f64 = 0.5;
 
-/// The own plant's steps per period where it is the reference: its error is then a hundredth of the smallest difference shown.
-pub const REFERENCE_PARTS: u32 = 20;
+/// The own plant's steps per period where it is the reference: its error is then below 1e-8 of a radian.
+pub(crate) const REFERENCE_PARTS: u32 = 5;
 
 /// A shipped robot's bare model.
-pub fn shipped(name: &str) -> Model {
+pub(crate) fn shipped(name: &str) -> Model {
     let robot = pkm_robots::find(name).expect("a shipped robot");
     parse(robot.toml, robot.urdf, [robot.toml_name, robot.urdf_name]).expect("shipped robots load").bare
 }
 
 /// The same without friction.
-pub fn frictionless(name: &str) -> Model {
+pub(crate) fn frictionless(name: &str) -> Model {
     let mut model = shipped(name);
     for joint in &mut model.joints {
         (joint.viscous, joint.coulomb) = (0.0, 0.0);
@@ -40,15 +40,15 @@ pub fn frictionless(name: &str) -> Model {
 }
 
 /// Sines of all drives about the middle of their travel, and gains.
-pub struct Loop {
-    pub middle: Vec<f64>,
+pub(crate) struct Loop {
+    pub(crate) middle: Vec<f64>,
     amplitude: Vec<f64>,
     mass: Vec<f64>,
 }
 
 impl Loop {
     /// Gains are scaled with the inertia at the middle of travel.
-    pub fn new(model: &Model) -> Self {
+    pub(crate) fn new(model: &Model) -> Self {
         let middle = mid_pose(model);
         let travel = |&j: &usize| 0.5 * (model.joints[j].limits.upper - model.joints[j].limits.lower);
         let amplitude = model.actuators.iter().map(|j| SHARE * travel(j).min(0.8)).collect();
@@ -83,16 +83,16 @@ impl Loop {
     }
 
     /// Runs for some seconds under the controller, in `parts` steps of the plant per period.
-    pub fn run(&self, plant: &mut dyn Plant, seconds: u32, parts: u32) -> Run {
+    pub(crate) fn run(&self, plant: &mut dyn Plant, seconds: u32, parts: u32) -> Run {
         let efforts = |k: u32, plant: &dyn Plant| self.efforts(plant, PERIOD * f64::from(k));
         through(plant, seconds, parts, efforts)
     }
 }
 
 /// Positions of the drives after every period, and the efforts during it.
-pub struct Run {
-    pub positions: Vec<Vec<f64>>,
-    pub efforts: Vec<Vec<f64>>,
+pub(crate) struct Run {
+    pub(crate) positions: Vec<Vec<f64>>,
+    pub(crate) efforts: Vec<Vec<f64>>,
 }
 
 fn through(plant: &mut dyn Plant, seconds: u32, parts: u32, efforts: impl Fn(u32, &dyn Plant) -> Vec<f64>) -> Run {
@@ -109,27 +109,27 @@ fn through(plant: &mut dyn Plant, seconds: u32, parts: u32, efforts: impl Fn(u32
 }
 
 /// The efforts of another run, played back without a controller.
-pub fn play_back(plant: &mut dyn Plant, of: &Run, seconds: u32) -> Run {
+pub(crate) fn play_back(plant: &mut dyn Plant, of: &Run, seconds: u32) -> Run {
     through(plant, seconds, 1, |k, _| of.efforts[k as usize].clone())
 }
 
 /// Largest difference of any drive's position between two runs `[m | rad]`.
-pub fn apart(a: &Run, b: &Run) -> f64 {
+pub(crate) fn apart(a: &Run, b: &Run) -> f64 {
     a.positions.iter().flatten().zip(b.positions.iter().flatten()).fold(0.0, |top, (a, b)| top.max((a - b).abs()))
 }
 
 /// The own plant at the start of the motion.
-pub fn own(robot: &Robot, at: &Loop) -> ReducedPlant {
+pub(crate) fn own(robot: &Robot, at: &Loop) -> ReducedPlant {
     ReducedPlant::try_new(robot.clone(), &at.middle).expect("the loops close")
 }
 
 /// The engine's plant there.
-pub fn foreign(robot: &Robot, at: &Loop, options: RapierOptions) -> RapierPlant {
+pub(crate) fn foreign(robot: &Robot, at: &Loop, options: RapierOptions) -> RapierPlant {
     RapierPlant::try_new(robot.clone(), &at.middle, options).expect("the engine can represent the robot")
 }
 
 /// Largest gap of the loops with the tree coordinates as the engine has them `[m | rad]`.
-pub fn loops_open(model: &Model, q: &[f64]) -> f64 {
+pub(crate) fn loops_open(model: &Model, q: &[f64]) -> f64 {
     let mut data = Data::new(model);
     loops::loop_gap(model, &mut data, q);
     data.loop_gap.iter().fold(0.0, |top, gap| top.max(gap.abs()))
