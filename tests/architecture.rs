@@ -190,6 +190,16 @@ fn only_math_rs_calls_libm() {
     assert!(!offences(&[LIBM], |_| false).is_empty(), "math.rs itself is found");
 }
 
+// Likewise.
+const GLAM: [&str; 2] = [concat!("rapier3d_f64::", "math"), concat!("gl", "am::")];
+
+#[test]
+fn only_convert_rs_knows_the_vectors_of_the_foreign_engine() {
+    let found = offences(&GLAM, |path| path.ends_with("crates/sim/src/rapier/convert.rs"));
+    assert!(found.is_empty(), "{found:?}");
+    assert!(!offences(&GLAM, |_| false).is_empty(), "convert.rs itself is found");
+}
+
 #[test]
 fn nothing_is_left_unfinished() {
     let found = offences(&UNFINISHED, |_| false);

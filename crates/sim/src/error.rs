@@ -105,6 +105,28 @@ pub enum SimError {
         /// Why not.
         problem: &'static str,
     },
+    /// Something that the engine of a plant has no means for.
+    #[error("{engine} cannot represent {what}: {problem}")]
+    NotRepresentable {
+        /// The engine.
+        engine: &'static str,
+        /// Part of the robot.
+        what: String,
+        /// Why not.
+        problem: &'static str,
+    },
+    /// Bodies that an engine could not hold together.
+    #[error("joint or loop {joint:?} is open by {gap:e} m or rad at t = {time} s (limit {limit:e})")]
+    Torn {
+        /// When `[s]`.
+        time: f64,
+        /// Joint or loop that is open farthest.
+        joint: String,
+        /// How far `[m | rad]`.
+        gap: f64,
+        /// What is still taken for closed `[m | rad]`.
+        limit: f64,
+    },
     /// An effect that is not in the library.
     #[error(transparent)]
     Effect(#[from] EffectError),

@@ -32,6 +32,8 @@ mod nominal_motion;
 pub mod plant;
 pub mod playback;
 mod random;
+#[cfg(feature = "rapier")]
+pub mod rapier;
 pub mod reference;
 pub mod rerun;
 pub mod scenario;
@@ -49,6 +51,8 @@ pub use hidden::{describe, draw};
 pub use laws::ForeignLaw;
 pub use plant::{Plant, ReducedPlant};
 pub use playback::Playback;
+#[cfg(feature = "rapier")]
+pub use rapier::{RapierOptions, RapierPlant};
 pub use reference::{Reference, ReferenceOptions, Sample};
 pub use scenario::{PlantKind, Scenario, needs_states, run, run_along};
 pub use rerun::rerun;
