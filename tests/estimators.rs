@@ -77,7 +77,8 @@ fn made(truth: &Robot, seed: u64, seconds: f64, noise: f64) -> Recording {
         assert!(inverse_dynamics(model, &mut data, &sample.q, &sample.v, &sample.a).is_closed);
         for (k, &j) in model.actuators.iter().enumerate() {
             let load = data.tau_act[k];
-            let state = JointState { q: sample.q[k], v: sample.v[k], a: sample.a[k], sign: math::sign(sample.v[k]), load };
+            let state =
+                JointState { q: sample.q[k], v: sample.v[k], a: sample.a[k], sign: math::sign(sample.v[k]), load, ..JointState::default() };
             q[k].push(sample.q[k]);
             tau[k].push(load + truth.joint_effort(j, &state));
         }

@@ -184,6 +184,6 @@ impl<const N: usize> DriveModel<N> {
 
     fn joint_state(&self, data: &Data, j: usize, v: f64, load: f64) -> JointState {
         let sign = if self.creep > 0.0 { math::tanh(v / self.creep) } else { math::sign(v) };
-        JointState { q: data.q[j], v, a: data.a[j], sign, load }
+        JointState { q: data.q[j], v, a: data.a[j], sign, load, ..JointState::default() }
     }
 }

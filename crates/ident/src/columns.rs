@@ -121,7 +121,7 @@ pub fn is_linear(e: &Applied, k: usize) -> bool {
     };
     let states = [(0.3, 1.0, 2.0), (-0.7, -1.0, 0.4), (0.05, 1.0, -3.0), (-0.02, -1.0, -1.0)];
     states.iter().all(|&(v, sign, load)| {
-        let s = JointState { q: 0.4, v, a: 0.1, sign, load };
+        let s = JointState { q: 0.4, v, a: 0.1, sign, load, ..JointState::default() };
         let [a, b, c] = [1.0, 2.0, 3.0].map(|scale| at(scale, &s));
         (c - 2.0 * b + a).abs() <= 1e-9 * (a.abs() + b.abs() + c.abs())
     })
@@ -240,7 +240,9 @@ impl Columns {
                 Quantity::Law { joint, law, value } => {
                     let at_drive = model.actuators.iter().position(|&a| a == joint);
                     let load = at_drive.map_or(0.0, |k| load[k] + model.joints[joint].armature * data.a[joint]);
-                    let state = JointState { q: data.q[joint], v: data.v[joint], a: data.a[joint], sign: direction[joint], load };
+                    let [q, v, a] = [data.q[joint], data.v[joint], data.a[joint]];
+                    let (viscous, coulomb) = (model.joints[joint].viscous, model.joints[joint].coulomb);
+                    let state = JointState { q, v, a, sign: direction[joint], load, viscous, coulomb, ..JointState::default() };
                     (joint, unit_effort(&self.laws[law], value, &state))
                 }
             };

@@ -69,8 +69,17 @@ impl ActuatorChain {
     /// The chain of a perfect drive, for a control period `[s]`: what is commanded acts.
     #[must_use]
     pub fn ideal(period: f64) -> Self {
-        let (delay, limit) = (0.0, f64::INFINITY);
-        Self { scale: 1.0, delay, lags: Vec::new(), limit, period, commands: vec![0.0; periods(delay)], recording_delay: 0.0 }
+        Self {
+            scale: 1.0,
+            delay: 0.0,
+            lags: Vec::new(),
+            limit: f64::INFINITY,
+            dead_zone: 0.0,
+            period,
+            commands: vec![0.0; periods(0.0)],
+            recording_delay: 0.0,
+            recorded_share: 1.0,
+        }
     }
 
     /// How late the recorder sees the effort `[s]`.

@@ -304,7 +304,7 @@ impl<P: Plant> SimBackend<P> {
         let period = seconds(self.period_ns);
         let end = if self.sample.sequence == 0 { 0.0 } else { seconds(self.clock.now_ns()) + period };
         for (k, drive) in self.drives.iter_mut().enumerate() {
-            let reading = drive.encoder.read(self.plant.position()[k], &mut self.random);
+            let reading = drive.encoder.read(self.plant.position()[k], end, &mut self.random);
             self.sample.q[k] = reading;
             self.sample.v[k] = drive.velocity.sample(end, period, self.plant.velocity()[k], reading);
             self.sample.tau[k] = drive.effort.read();

@@ -5,29 +5,23 @@
 //! same inputs give the same bits on every machine: random numbers come from a seeded generator, transcendental functions from
 //! `pkm_dyn::math`.
 //!
+//! Two plants: [`ReducedPlant`] in the coordinates of the drives, [`ConstrainedPlant`] in those of the whole tree, for effects that have
+//! states or freedoms of their own. End stops are simulated by the latter where asked for; motions stay inside the limits.
+//!
 //! [`SimBackend`] is the same world behind the contract of hardware, [`limb`] the person in it.
 //!
-//! Not in here: files, printing, clocks, estimators. End stops and contacts are not simulated; motions stay inside the limits.
+//! Not in here: files, printing, clocks, estimators.
 
 extern crate alloc;
 
 pub mod actuators;
 pub mod backend;
-pub mod error;
-pub mod hidden;
-pub mod laws;
-pub mod limb;
-//! Two plants: [`ReducedPlant`] in the coordinates of the drives, [`ConstrainedPlant`] in those of the whole tree, for effects that have
-//! states or freedoms of their own. End stops are simulated by the latter where asked for; motions stay inside the limits.
-//!
-//! Not in here: files, printing, clocks, estimators.
-
-pub mod actuators;
 pub mod dae;
 mod dense;
 pub mod error;
 pub mod hidden;
 pub mod laws;
+pub mod limb;
 mod nominal_motion;
 pub mod plant;
 pub mod playback;
@@ -54,9 +48,8 @@ pub use playback::Playback;
 #[cfg(feature = "rapier")]
 pub use rapier::{RapierOptions, RapierPlant};
 pub use reference::{Reference, ReferenceOptions, Sample};
-pub use scenario::{PlantKind, Scenario, needs_states, run, run_along};
 pub use rerun::rerun;
-pub use scenario::{Scenario, run, run_along};
+pub use scenario::{PlantKind, Scenario, needs_states, run, run_along};
 pub use shaped::{Shape, Shaped};
 pub use trajectory::{Trajectory, check_limits};
 pub use twin::{Twin, twin};

@@ -11,6 +11,7 @@ pub(crate) enum Stream {
     Encoders = 2,
     Efforts = 3,
     Hidden = 4,
+    Person = 5,
     Jitter = 12,
     Counts = 16,
     ForceCells = 17,
@@ -18,7 +19,6 @@ pub(crate) enum Stream {
     Drift = 19,
     Tremor = 20,
     Will = 21,
-    Person = 5,
 }
 
 /// A stream of random numbers.

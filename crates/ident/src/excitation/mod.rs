@@ -354,7 +354,7 @@ fn among(robot: &Robot, columns: &Columns, settings: &Settings) -> Result<Vec<us
     let is_held = |quantity: Quantity| match quantity {
         Quantity::Inertial { .. } => false,
         Quantity::Rotor { .. } => settings.held.contains(&Term::Rotor),
-        Quantity::Viscous { joint } | Quantity::Coulomb { joint } => {
+        Quantity::Viscous { joint } | Quantity::Coulomb { joint } | Quantity::Law { joint, .. } => {
             settings.held.contains(if is_driven(joint) { &Term::Friction } else { &Term::PassiveFriction })
         }
         Quantity::Offset { .. } => settings.held.contains(&Term::Offset),

@@ -34,7 +34,7 @@ pub(super) struct Resistance {
 pub(super) fn resistance(robot: &Robot, j: usize, at: At, width: f64, bearable: f64) -> Resistance {
     let ratio = at.v / width;
     let sign = tanh(ratio);
-    let effort = |v: f64, sign: f64| robot.joint_effort(j, &JointState { q: at.q, v, a: 0.0, sign, load: at.load });
+    let effort = |v: f64, sign: f64| robot.joint_effort(j, &JointState { q: at.q, v, sign, load: at.load, ..JointState::default() });
     let step = QUOTIENT * width;
     let viscous = (effort(at.v + step, sign) - effort(at.v - step, sign)) / (2.0 * step);
     let dry = 0.5 * (effort(at.v, 1.0) - effort(at.v, -1.0));
