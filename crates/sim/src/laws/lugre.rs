@@ -23,7 +23,7 @@ pub(super) const FORM: Form = Form {
     },
 };
 
-/// \[CanudasDeWit1995\].
+// The equations are those of [CanudasDeWit1995].
 #[derive(Debug, Clone)]
 struct Lugre {
     joint: usize,
