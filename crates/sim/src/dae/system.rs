@@ -296,6 +296,21 @@ impl System {
         (((memory.rate)(values, z + dz, v) - rate) / dz).min(0.0)
     }
 
+    /// Fastest decay `[1/s]` and oscillation `[rad/s]` of the memories, with the inertia at their joints.
+    pub(crate) fn fastest_memory(&self, state: &State, inertia: impl Fn(usize) -> f64) -> (f64, f64) {
+        let mut fastest = (0.0_f64, 0.0_f64);
+        for (i, Remembering { joint, memory, values }) in self.remembering.iter().enumerate() {
+            let (z, v) = (state.z[i], state.v[*joint]);
+            let rate = (memory.rate)(values, z, v);
+            let (dz, dv) = (1e-9 + 1e-6 * z.abs(), 1e-6 * (1.0 + v.abs()));
+            let stiffness = ((memory.effort)(values, z + dz, v) - (memory.effort)(values, z, v)) / dz;
+            let follows = ((memory.rate)(values, z, v + dv) - rate) / dv;
+            fastest.0 = fastest.0.max(-self.memory_slope(i, z, v, rate));
+            fastest.1 = fastest.1.max(math::sqrt((stiffness * follows).max(0.0) / inertia(*joint)));
+        }
+        fastest
+    }
+
     pub(crate) fn memory_joint(&self, i: usize) -> usize {
         self.remembering[i].joint
     }
