@@ -119,7 +119,7 @@ fn apart(name: &str, h: f64) -> f64 {
     let held = |(j, q): (&String, &f64)| stated(&model, "spring", j, &[("stiffness", 400.0), ("rest", *q)]);
     let springs: Vec<Applied> = joints.iter().zip(&start).map(held).collect();
     let robot = Robot::new(model.clone(), springs.clone());
-    let mut reduced = ReducedPlant::try_new(robot, &start).unwrap();
+    let mut reduced = ReducedPlant::try_new(robot, &start).expect("it starts");
     let mut constrained = plant(&model, springs, &start, Integrator::Auto);
     let mut largest = 0.0_f64;
     let steps = (1.0 / h).round();
@@ -129,8 +129,8 @@ fn apart(name: &str, h: f64) -> f64 {
         let wave = |k: usize| math::sin(2.0 * PI * (1.0 + 0.3 * k as f64) * t);
         let limit = |k: usize| model.joints[model.actuators[k]].limits.effort.min(200.0);
         let tau: Vec<f64> = (0..start.len()).map(|k| 0.2 * limit(k) * wave(k)).collect();
-        reduced.step(&tau, h).unwrap();
-        constrained.step(&tau, h).unwrap();
+        reduced.step(&tau, h).expect("it moves on");
+        constrained.step(&tau, h).expect("it moves on");
         for (a, b) in reduced.position().iter().zip(constrained.position()) {
             largest = largest.max((a - b).abs());
         }
@@ -238,7 +238,7 @@ fn hash(plant: &mut ConstrainedPlant, steps: usize) -> u64 {
     let n = plant.position().len();
     for k in 0..steps {
         let tau: Vec<f64> = (0..n).map(|d| 20.0 * math::sin(0.01 * (k * (d + 1)) as f64)).collect();
-        plant.step(&tau, 1e-3).unwrap();
+        plant.step(&tau, 1e-3).expect("it moves on");
         for x in plant.position().iter().chain(plant.velocity()) {
             for byte in x.to_bits().to_le_bytes() {
                 hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01B3);

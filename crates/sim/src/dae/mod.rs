@@ -14,5 +14,6 @@ mod plant;
 mod runge_kutta;
 mod start;
 mod system;
+mod touch;
 
 pub use plant::{ConstrainedOptions, ConstrainedPlant, Integrator};

@@ -12,7 +12,8 @@ use pkm_dyn::{Data, math};
 use crate::dae::events::{Smooth, Stepper};
 use crate::dae::extension::Extension;
 use crate::dae::start::{give_rotors, place, relax, take_up};
-use crate::dae::system::{State, System, link_pose};
+use crate::dae::system::{State, System};
+use crate::dae::touch::link_pose;
 use crate::error::SimError;
 use crate::laws::ForeignLaw;
 use crate::plant::Plant;
@@ -20,7 +21,7 @@ use crate::plant::Plant;
 /// How the stretches between events are integrated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Integrator {
-    /// Runge-Kutta where the stiffest spring leaves it accurate at the step asked for, Radau elsewhere.
+    /// Runge-Kutta where springs and memories leave it accurate at the step asked for, Radau elsewhere.
     #[default]
     Auto,
     /// Runge-Kutta of order four: fast, for steps well below the period of the stiffest spring.
@@ -48,6 +49,9 @@ pub struct ConstrainedOptions {
 
 /// Largest angle that the stiffest spring's oscillation turns in a step of Runge-Kutta `[rad]`: its error is then below 1e-4 a turn.
 const MAX_TURN: f64 = 0.3;
+
+/// Most that a memory's rate times the step may be for Runge-Kutta, which is stable up to 2.8.
+const MAX_DECAY: f64 = 0.5;
 
 /// A robot with every effect, in coordinates of its whole tree: motors and loads apart, structures that give, laws with memories, persons,
 /// end stops, more or fewer drives than freedoms.
@@ -190,8 +194,11 @@ impl ConstrainedPlant {
             Integrator::Radau => Smooth::Radau,
             Integrator::Gauss => Smooth::Gauss,
             Integrator::Moreau => Smooth::Moreau,
-            Integrator::Auto if self.fastest() * h > MAX_TURN => Smooth::Radau,
-            Integrator::Auto => Smooth::RungeKutta,
+            Integrator::Auto => {
+                let (decay, turn) = self.system.fastest_memory(&self.state, |j| self.inertia_at(j));
+                let is_stiff = self.fastest().max(turn) * h > MAX_TURN || decay * h > MAX_DECAY;
+                if is_stiff { Smooth::Radau } else { Smooth::RungeKutta }
+            }
         }
     }
 

@@ -1,7 +1,7 @@
 //! Equations of motion of an extended model with every effect: accelerations of the tree for a state and the drives' efforts.
 
 use pkm_dyn::constrained::{Stabilisation, bias_motion, complete_motion};
-use pkm_dyn::effects::{JointState, Law, LinkState, Memory, Robot, Site};
+use pkm_dyn::effects::{JointState, Law, Memory, Robot, Site};
 use pkm_dyn::loops::distribute;
 use pkm_dyn::model::Model;
 use pkm_dyn::spatial::{Force, Pose};
@@ -9,6 +9,7 @@ use pkm_dyn::{Data, math};
 
 use crate::dae::extension::{Extension, Spring};
 use crate::dae::person::Person;
+use crate::dae::touch::{Touching, link_pose, push_link};
 use crate::laws::ForeignLaw;
 
 type JointLaw = (fn(&[f64], &JointState) -> f64, Vec<f64>);
@@ -40,17 +41,6 @@ struct Remembering {
     joint: usize,
     memory: Memory,
     values: Vec<f64>,
-}
-
-/// A wrench law at a link, or at a joint where `joint` says so.
-#[derive(Debug)]
-struct Touching {
-    law: fn(&[f64], &LinkState) -> [f64; 6],
-    values: Vec<f64>,
-    link: usize,
-    joint: Option<usize>,
-    /// Pose of the link when the motion began; of a joint, its coordinate in x.
-    start: Pose,
 }
 
 /// What moves, how far and how fast, and what it remembers.
@@ -296,6 +286,21 @@ impl System {
         (((memory.rate)(values, z + dz, v) - rate) / dz).min(0.0)
     }
 
+    /// Fastest decay `[1/s]` and oscillation `[rad/s]` of the memories, with the inertia at their joints.
+    pub(crate) fn fastest_memory(&self, state: &State, inertia: impl Fn(usize) -> f64) -> (f64, f64) {
+        let mut fastest = (0.0_f64, 0.0_f64);
+        for (i, Remembering { joint, memory, values }) in self.remembering.iter().enumerate() {
+            let (z, v) = (state.z[i], state.v[*joint]);
+            let rate = (memory.rate)(values, z, v);
+            let (dz, dv) = (1e-9 + 1e-6 * z.abs(), 1e-6 * (1.0 + v.abs()));
+            let stiffness = ((memory.effort)(values, z + dz, v) - (memory.effort)(values, z, v)) / dz;
+            let follows = ((memory.rate)(values, z, v + dv) - rate) / dv;
+            fastest.0 = fastest.0.max(-self.memory_slope(i, z, v, rate));
+            fastest.1 = fastest.1.max(math::sqrt((stiffness * follows).max(0.0) / inertia(*joint)));
+        }
+        fastest
+    }
+
     pub(crate) fn memory_joint(&self, i: usize) -> usize {
         self.remembering[i].joint
     }
@@ -342,50 +347,6 @@ impl System {
             return;
         }
         data.independent.iter().zip(&data.tau_ind).for_each(|(&j, load)| state.load[j] = *load);
-    }
-}
-
-impl Touching {
-    fn at_joint(&self, state: &State, j: usize) -> f64 {
-        let mut s = LinkState { time: state.time, ..LinkState::default() };
-        s.position[0] = state.q[j];
-        s.displacement[0] = state.q[j] - self.start.translation.x;
-        s.velocity[0] = state.v[j];
-        (self.law)(&self.values, &s)[0]
-    }
-
-    /// Wrench on the robot about the root's origin, from poses and velocities in `data`.
-    fn on_robot(&self, model: &Model, data: &Data, time: f64) -> Force {
-        let pose = link_pose(model, data, self.link);
-        let at = pose.translation;
-        let moved = at - self.start.translation;
-        let turn = Pose { rotation: pose.rotation * self.start.rotation.transpose(), translation: at }.rotation_vector();
-        let velocity = model.links[self.link].body.map(|b| data.velocity_w[b].at(&at)).unwrap_or_default();
-        let stacked = |a: &nalgebra::Vector3<f64>, b: &nalgebra::Vector3<f64>| [a.x, a.y, a.z, b.x, b.y, b.z];
-        let s = LinkState {
-            position: [at.x, at.y, at.z],
-            displacement: stacked(&moved, &turn),
-            velocity: stacked(&velocity.linear, &velocity.angular),
-            time,
-        };
-        let w = (self.law)(&self.values, &s);
-        let linear = -nalgebra::Vector3::new(w[0], w[1], w[2]);
-        Force { linear, angular: at.cross(&linear) - nalgebra::Vector3::new(w[3], w[4], w[5]) }
-    }
-}
-
-/// Pose of a link in the root frame, from the poses in `data`.
-pub(crate) fn link_pose(model: &Model, data: &Data, link: usize) -> Pose {
-    let link = &model.links[link];
-    link.body.map_or(link.pose, |b| data.pose_wb[b].compose(&link.pose))
-}
-
-/// Adds to `tau` what a wrench about the root's origin does at a link.
-fn push_link(model: &Model, data: &Data, tau: &mut [f64], link: usize, wrench: &Force) {
-    let mut at = model.links[link].body;
-    while let Some(j) = at {
-        tau[j] += data.axis_w[j].dot(wrench);
-        at = model.joints[j].parent;
     }
 }
 
