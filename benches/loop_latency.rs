@@ -1,4 +1,5 @@
-//! One full step of every controller on every shipped robot, each step timed alone: median, 99th percentile, largest.
+//! One full step of every controller on every shipped robot that has no surplus drives, each step timed alone: median, 99th percentile,
+//! largest.
 //!
 //! `cargo bench -p pkm-benches --bench loop_latency`; not criterion, which reports means, and a control loop is as good as its worst step.
 #![expect(clippy::print_stdout, reason = "a table is what this program is for")]
