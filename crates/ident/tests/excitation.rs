@@ -90,7 +90,7 @@ fn tell(e: &Excitation) {
 
 #[test]
 fn motions_are_better_than_random_ones_and_keep_every_limit() {
-    for (name, least) in [("five_bar", 1.2), ("prs3", 1.2), ("motobotte", 1.0)] {
+    for (name, least) in [("five_bar", 1.4), ("prs3", 1.5), ("motobotte", 1.15)] {
         let robot = shipped(name);
         let e = found(&robot, &quick());
         tell(&e);
