@@ -101,6 +101,16 @@ fn motions_are_better_than_random_ones_and_keep_every_limit() {
 }
 
 #[test]
+fn an_arm_of_six_axes_is_excited_as_well() {
+    let robot = shipped("serial_arm");
+    let e = found(&robot, &Settings { restarts: 1, draws: 6, iterations: 16, ..quick() });
+    tell(&e);
+    assert!(e.gain() > 1.7, "{}", e.gain());
+    assert_eq!((e.structural, e.columns.len()), (58, 58));
+    assert_admissible(&robot, &e, 3000);
+}
+
+#[test]
 fn splines_serve_as_well_and_limits_of_this_motion_are_kept() {
     let robot = shipped("five_bar");
     let limits = Limits { velocity: Some(0.9), acceleration: Some(4.0), share: 0.9, ..Limits::default() };
