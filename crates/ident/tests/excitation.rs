@@ -90,7 +90,7 @@ fn tell(e: &Excitation) {
 
 #[test]
 fn motions_are_better_than_random_ones_and_keep_every_limit() {
-    for (name, least) in [("five_bar", 1.2), ("prs3", 1.2), ("motobotte", 1.0)] {
+    for (name, least) in [("five_bar", 1.4), ("prs3", 1.5), ("motobotte", 1.15)] {
         let robot = shipped(name);
         let e = found(&robot, &quick());
         tell(&e);
@@ -98,6 +98,16 @@ fn motions_are_better_than_random_ones_and_keep_every_limit() {
         assert_eq!(e.structural, e.columns.len());
         assert_admissible(&robot, &e, 6000);
     }
+}
+
+#[test]
+fn an_arm_of_six_axes_is_excited_as_well() {
+    let robot = shipped("serial_arm");
+    let e = found(&robot, &Settings { restarts: 1, draws: 6, iterations: 16, ..quick() });
+    tell(&e);
+    assert!(e.gain() > 1.7, "{}", e.gain());
+    assert_eq!((e.structural, e.columns.len()), (58, 58));
+    assert_admissible(&robot, &e, 3000);
 }
 
 #[test]

@@ -44,7 +44,7 @@ Examples:
 pub(crate) struct Args {
     /// A robot.toml, or the name of a shipped robot.
     robot: PathBuf,
-    /// The motion to write, .mcap or .csv: q_ref, dq_ref and ddq_ref of every drive.
+    /// The motion to write, .mcap or .csv: references of position, velocity and acceleration of every drive.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// What is made good: the condition number of the base parameters' columns, the determinant of their information (D-optimal), or the
@@ -98,7 +98,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 25)]
     draws: usize,
     /// Steps of the improvement of each.
-    #[arg(long, value_name = "N", default_value_t = 80)]
+    #[arg(long, value_name = "N", default_value_t = 150)]
     iterations: usize,
     /// Seed.
     #[arg(long, value_name = "N", default_value_t = 1)]

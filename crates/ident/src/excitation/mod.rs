@@ -88,7 +88,7 @@ impl Default for Settings {
             effects: Vec::new(),
             restarts: 4,
             draws: 25,
-            iterations: 80,
+            iterations: 150,
             seed: 1,
         }
     }

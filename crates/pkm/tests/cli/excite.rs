@@ -38,7 +38,7 @@ fn a_motion_is_better_than_random_and_plays() {
     assert!(page.contains("Position of j1") && page.contains("Velocity of j2") && page.contains("The search") && !page.contains("http"));
     let (first, lines) = csv_lines(&folder.path().join("motion.csv"));
     assert_eq!((lines.len() - first, lines[first - 1].as_str()), (401, "t,ddq_ref.j1,ddq_ref.j2,dq_ref.j1,dq_ref.j2,q_ref.j1,q_ref.j2"));
-    assert!(lines.iter().any(|l| l.starts_with("# excitation_period = 4")), "{:?}", &lines[..first]);
+    assert!(lines.iter().any(|l| l.starts_with("# excitation_period = \"4\"")), "{:?}", &lines[..first]);
     // It plays: the simulator checks every limit of the robot on its own.
     let simulated = prints(folder.path(), &["simulate", "rig.toml", "--out", "A.csv", "--reference", "motion.csv", "--rate", "200"]);
     assert!(simulated.contains("A.csv: 801 samples"), "{simulated}");
