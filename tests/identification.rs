@@ -409,7 +409,8 @@ fn physics_that_a_regression_of_efforts_cannot_have_in_it_is_refused_in_one_line
         let robot = Robot::new(description.bare.clone(), vec![applied]);
         let said = identify(&robot, from_ref(&recording), &[], &settings(Method::Relevant), &mut |_| {}).expect_err(effect).to_string();
         assert!(said.contains(effect) && said.contains(&joint) && !said.contains('\n'), "{said}");
-        let carrying = Description { robot, ..description.clone() };
+        let mut carrying = description.clone();
+        carrying.robot = robot;
         let said = pkm_diagnose::predict(&carrying, &recording).err().map(|e| e.to_string());
         assert_eq!(said.is_some_and(|s| s.contains(effect)), by_diagnosis, "{effect}");
     }

@@ -56,6 +56,12 @@ impl Encoder {
         }
     }
 
+    /// A sensor without errors but counts of width `resolution` and noise `[m | rad]`.
+    #[must_use]
+    pub fn without_errors(resolution: f64, noise: f64) -> Self {
+        Self { offset: 0.0, resolution, noise, periodic: [[0.0; 3]; MAX_PERIODIC], drift: 0.0 }
+    }
+
     /// True position less reading, noise and counts apart, at the true position `q` `[m | rad]` and time `t` `[s]`.
     #[must_use]
     pub fn error(&self, q: f64, t: f64) -> f64 {

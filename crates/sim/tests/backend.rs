@@ -47,7 +47,7 @@ fn ideal() -> SimDrive {
         output: OutputStage::ideal(),
         chain: ActuatorChain::ideal(1e-3),
         transmission: None,
-        encoder: Encoder { offset: 0.0, resolution: 0.0, noise: 0.0 },
+        encoder: Encoder::without_errors(0.0, 0.0),
         velocity: VelocitySensor::new(VelocitySensing::Exact, 0.0),
         effort: ForceCell::ideal(),
     }
@@ -55,7 +55,7 @@ fn ideal() -> SimDrive {
 
 fn hardware(block: Block, options: &SimOptions) -> SimBackend<Block> {
     let drive = SimDrive {
-        encoder: Encoder { offset: 0.0, resolution: options.encoder_resolution, noise: options.encoder_noise },
+        encoder: Encoder::without_errors(options.encoder_resolution, options.encoder_noise),
         velocity: VelocitySensor::new(options.velocity, options.encoder_resolution),
         effort: ForceCell::new(options.effort, options.seed, 0),
         ..ideal()
