@@ -116,7 +116,6 @@ fn errors(answer: &Identification, truth: &Robot) -> (f64, f64) {
     let want = set.project(&Columns::new(truth).nominal());
     let (mut inside, mut off, mut known) = (0.0, 0.0, 0.0);
     for (p, want) in answer.parameters.iter().zip(&want) {
-        println!("  {}: {:.4} [{:.4}, {:.4}], true {want:.4}", p.name, p.value, p.ci95[0], p.ci95[1]);
         inside += f64::from(u8::from(p.ci95[0] <= *want && *want <= p.ci95[1])) / answer.parameters.len() as f64;
         // An offset that is zero has no relative error.
         if want.abs() > 1e-6 {

@@ -10,7 +10,7 @@ use pkm_dyn::inverse_dynamics::inverse_dynamics;
 use pkm_dyn::loops::{assemble, walk_to};
 use pkm_dyn::{Data, Model, math, urdf};
 use pkm_ident::minimise::{Bounds, Ending};
-use pkm_ident::output_error::{OutputError, Strategy, Trial, Unknown, output_error};
+use pkm_ident::output_error::{Strategy, Trial, Unknown, output_error};
 use pkm_tests::Draw;
 
 /// Period of the records, and of the integration `[s]`: the fastest sinusoid has 50 steps per period.
@@ -156,15 +156,6 @@ fn normal(draw: &mut Draw) -> f64 {
     (0..12).map(|_| draw.uniform(0.0..1.0)).sum::<f64>() - 6.0
 }
 
-fn print(out: &OutputError) {
-    println!(
-        "{:?} after {} evaluations, condition {:.1}, noise {:?}, neighbours {:?}",
-        out.ending, out.evaluations, out.condition, out.noise, out.lag_one
-    );
-    out.found.iter().for_each(|f| println!("  {} = {:.5} [{:.5}, {:.5}] {}", f.name, f.value, f.ci95[0], f.ci95[1], f.unit));
-    out.fitted.iter().chain(&out.validated).for_each(|m| println!("  {}: {:.4}", m.trial, m.nrmse[0]));
-}
-
 #[test]
 fn friction_and_input_gain_come_back_from_eight_sinusoids_and_foretell_others() {
     let mut plant = Plant::new();
@@ -184,7 +175,6 @@ fn friction_and_input_gain_come_back_from_eight_sinusoids_and_foretell_others() 
     let unknowns =
         [unknown("b0", "N·s/V", 0.05, 0.005, 0.01), unknown("viscous", "N·s/m", 0.5, 0.5, 0.0), unknown("coulomb", "N", 0.01, 0.01, 0.0)];
     let out = output_error(&unknowns, &trials[..8], &trials[8..], &mut simulate, Strategy::Squares).expect("it can be simulated");
-    print(&out);
     assert_eq!(out.ending, Ending::Settled);
     for (f, want) in out.found.iter().zip(TRUTH) {
         assert!((f.value / want - 1.0).abs() < 0.05, "{f:?}, true {want}");
@@ -216,7 +206,8 @@ fn the_ratio_of_the_input_gains_is_the_projected_mass() {
         let trial = Trial { name: format!("{degrees} deg"), outputs: vec![plant.ankle_at(&along(b1)).expect("inside the travel")] };
         let mut force = |x: &[f64], _: usize| plant.ankle(start, SAMPLES, &|t, _| x[0] * sine.rate(t)).map(|phi| vec![phi]);
         let b0 =
-            output_error(&[unknown("b0", "N·s/V", 0.05, 0.01, 1e-4)], &[trial.clone()], &[], &mut force, Strategy::Squares).expect("a fit");
+            output_error(&[unknown("b0", "N·s/V", 0.05, 0.01, 1e-4)], core::slice::from_ref(&trial), &[], &mut force, Strategy::Squares)
+                .expect("a fit");
         let mut speed = |x: &[f64], _: usize| plant.ankle_at(&along(x[0])).map(|phi| vec![phi]);
         let b1_found =
             output_error(&[unknown("b1", "m/(s·V)", 0.005, 0.001, 1e-5)], &[trial], &[], &mut speed, Strategy::Squares).expect("a fit");
