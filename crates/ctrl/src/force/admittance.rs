@@ -203,6 +203,6 @@ mod tests {
         assert!((step[0][2] - dt * dt / (2.0 * m)).abs() < 1e-16);
         // Light and heavily damped: the force's share settles, nothing overflows.
         let step = exact([1e-3, 500.0, 100.0], 0.01);
-        assert!((step[1][1]).abs() < 1e-9 && step[0][0] > 0.99);
+        assert!(step[1][1].abs() < 1e-6 && (step[0][0] - 0.998).abs() < 1e-4, "{step:?}");
     }
 }
