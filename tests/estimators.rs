@@ -222,8 +222,9 @@ fn all_friction_laws_of_a_file_are_estimated_together_and_their_shapes_as_well()
     let [toml, urdf] = identified(&description, &answer).texts(&description, "a.urdf").expect("it can be written");
     let built = parse(&toml, &urdf, ["a.toml", "a.urdf"]).expect("it can be read");
     let again = go(&built.robot, from_ref(&test), from_ref(&test), &Settings { method: Method::Wls, shapes: Shapes::Stated, ..settings });
+    // Not to rounding: the load in the column of friction_load was the nominal robot's, and is now that of the robot that was found.
     for (a, b) in answer.joints.iter().zip(&again.joints) {
-        assert!((a.identified - b.nominal).abs() < 1e-6, "{}: {} written, {} read", a.joint, a.identified, b.nominal);
+        assert!((a.identified - b.nominal).abs() < 1e-4, "{}: {} written, {} read", a.joint, a.identified, b.nominal);
     }
 }
 

@@ -47,7 +47,7 @@ const BALANCING: usize = 100;
 
 /// `S⁻¹·A·S` with rows and columns alike in size, and the powers of two in the diagonal of S \[Parlett1969\]: positions beside velocities of
 /// stiff parts would otherwise ask for so many squarings that rounding takes half of the digits.
-fn balanced(A: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
+pub(crate) fn balanced(A: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
     let n = A.nrows();
     let (mut A, mut scale) = (A.clone(), vec![1.0_f64; n]);
     for _ in 0..BALANCING {

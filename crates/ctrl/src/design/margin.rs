@@ -5,11 +5,14 @@ use alloc::vec::Vec;
 use nalgebra::{Complex, DMatrix};
 use pkm_dyn::math;
 
+use super::discretise::balanced;
 use super::error::DesignError;
 
 /// Eigenvalues of a square real matrix; empty when they cannot be computed.
 #[must_use]
 pub fn eigenvalues(A: &DMatrix<f64>) -> Vec<Complex<f64>> {
+    // Positions beside velocities of stiff parts: unbalanced, rounding moves poles near the unit circle by 1e-6.
+    let (A, _) = balanced(A);
     let copy = faer::Mat::<f64>::from_fn(A.nrows(), A.ncols(), |i, j| A[(i, j)]);
     copy.eigenvalues().unwrap_or_default()
 }
