@@ -165,11 +165,71 @@ fn a_simulation_that_fails_leaves_the_weighted_estimate_and_says_so() {
         identify_in_closed_loop(&description.robot, [from_ref(&train), &[]], &settings, &mut fails, &mut |_| {}).expect("an answer");
     assert_eq!(answer.status, Status::Doubtful);
     assert!(answer.notes.iter().any(|n| matches!(n, Note::NoInstruments { reason, .. } if reason == "no reference")), "{:?}", answer.notes);
-    let plain = go(&description.robot, from_ref(&train), &[], &Settings { method: Method::Wls, ..settings });
+    let plain = go(&description.robot, from_ref(&train), &[], &Settings { method: Method::Wls, ..settings.clone() });
+    assert_eq!(answer.parameters, plain.parameters);
+    // One that fails later leaves no half-way estimate behind.
+    let mut calls = 0;
+    let recorded = {
+        let scenario = Scenario { seed: 1, duration_s: 12.0, rate_hz: 250.0, encoder_noise: 1e-3, ..Scenario::default() };
+        run(&truth, &description.robot, &scenario, &mut |_| {}).expect("the rig can be simulated")
+    };
+    let mut tires = |robot: &Robot, like: &Recording| {
+        calls += 1;
+        if calls > 1 { Err("tired".to_string()) } else { rerun([robot, &description.robot], like).map_err(|e| e.to_string()) }
+    };
+    let rows = RowOptions { band_hz: Some(12.0), ..RowOptions::default() };
+    let settings = Settings { rows, ..settings };
+    let answer =
+        identify_in_closed_loop(&description.robot, [from_ref(&recorded), &[]], &settings, &mut tires, &mut |_| {}).expect("an answer");
+    assert!(answer.notes.iter().any(|n| matches!(n, Note::NoInstruments { iterations: 1, .. })), "{:?}", answer.notes);
+    let plain = go(&description.robot, from_ref(&recorded), &[], &Settings { method: Method::Wls, ..settings });
     assert_eq!(answer.parameters, plain.parameters);
 }
 
 // ---- friction
+
+#[test]
+fn a_lag_that_the_file_states_takes_nothing_from_friction() {
+    let lag = "[[effect]]\nname = \"actuator_lag\"\nwhere = [\"j1\", \"j2\"]\nparameters = { time_constant = 0.02 }\n";
+    let description = rig_with(lag);
+    let truth = Robot::new(another(&description.bare), description.robot.effects.clone());
+    let scenario = Scenario { duration_s: 30.0, rate_hz: 500.0, effort_noise: 0.001, ..Scenario::default() };
+    let train = run(&truth, &description.robot, &scenario, &mut |_| {}).expect("the rig can be simulated");
+    let answer = go(&description.robot, from_ref(&train), &[], &Settings { method: Method::Wls, ..Settings::default() });
+    for &j in &truth.model.actuators {
+        let joint = &truth.model.joints[j];
+        for (what, want) in [("viscous", joint.viscous), ("coulomb", joint.coulomb)] {
+            let got = answer.theta[answer.columns.index(&format!("{}.{what}", joint.name)).expect("a column")];
+            println!("{} {what}: {got:.4} of {want:.4}", joint.name);
+            assert!((got / want - 1.0).abs() < 0.02, "{} {what}: {got} of {want}", joint.name);
+        }
+    }
+}
+
+#[test]
+fn the_columns_of_every_law_add_up_to_the_law() {
+    // What is estimated value by value must be the law at the stated values; a law that is no such sum stays as it is stated.
+    for (name, numbers, is_estimated) in [
+        ("friction_stribeck", "coulomb = 0.4, stiction = 0.9, stribeck_velocity = 0.3", true),
+        ("friction_asymmetric", "coulomb_pos = 0.5, coulomb_neg = 0.2, viscous_pos = 0.1, viscous_neg = 0.3", true),
+        ("friction_load", "mu = 0.07", true),
+        ("friction_quadratic", "drag = 0.2", true),
+        ("friction_position", "coulomb_slope = 0.3, q0 = 0.15", false),
+        ("directional_efficiency", "efficiency_drive = 0.9, efficiency_back = 0.7", false),
+    ] {
+        let description = rig_with(&format!("[[effect]]\nname = \"{name}\"\nwhere = \"j1\"\nparameters = {{ {numbers} }}\n"));
+        let robot = &description.robot;
+        let columns = Columns::new(robot);
+        assert_eq!(columns.laws.len(), usize::from(is_estimated), "{name}");
+        let train = made(robot, 1, 12.0, 0.0);
+        // The nominal robot is the true one: nothing is left over, whichever way the law enters.
+        let rows = RowOptions { softness: 1e-6, ..RowOptions::default() };
+        let answer = go(robot, from_ref(&train), &[], &Settings { method: Method::Wls, rows, ..Settings::default() });
+        for j in &answer.joints {
+            assert!(j.nominal < 5e-3, "{name}, {}: {}", j.joint, j.nominal);
+        }
+    }
+}
 
 const LAWS: &str = "[[effect]]\nname = \"friction_stribeck\"\nwhere = \"j1\"\nparameters = { coulomb = 0.5, stiction = 0.5, stribeck_velocity = 0.6 }\n\
     [[effect]]\nname = \"friction_asymmetric\"\nwhere = \"j2\"\nparameters = { coulomb_pos = 0.1, coulomb_neg = 0.1 }\n\

@@ -102,12 +102,39 @@ pub struct Columns {
     stated: Vec<f64>,
     /// Friction laws of the robot file whose linear values are columns.
     pub laws: Vec<Applied>,
+    /// Values with which a law makes the column of its value number `k`, `alone[law][k]`.
+    alone: Vec<Vec<Vec<f64>>>,
     kept: Vec<Applied>,
 }
 
-/// A friction law that the file states and that is estimated value by value.
+/// A friction law that the file states and that is estimated value by value; one that is no sum over its linear values (an efficiency, of
+/// which one less it is a loss, or friction along the stroke from a place that is stated) stays as it is stated.
 pub(crate) fn is_friction_law(e: &Applied) -> bool {
-    matches!(e.entry.law, Law::JointEffort(_)) && e.entry.energy == Energy::Dissipates && !ESTIMATED.contains(&e.entry.name)
+    matches!(e.entry.law, Law::JointEffort(_))
+        && e.entry.energy == Energy::Dissipates
+        && !ESTIMATED.contains(&e.entry.name)
+        && is_a_sum(e)
+}
+
+/// States of a joint at which laws are asked what they are: to both sides, with and without friction of its own, below which some laws do
+/// not let friction fall.
+fn probes() -> impl Iterator<Item = JointState> {
+    let states = [(0.3, 1.0, 2.0), (-0.7, -1.0, 0.4), (0.05, 1.0, -3.0), (-0.02, -1.0, -1.0)];
+    let sides = [(0.4, 1e3), (-0.4, 0.0), (0.4, 0.0), (-0.4, 1e3)];
+    states.into_iter().zip(sides).map(|((v, sign, load), (q, coulomb))| {
+        JointState { q, v, a: 0.1, sign, load, viscous: 10.0, coulomb, warmth: 1.5, ..JointState::default() }
+    })
+}
+
+/// Whether the effort is the sum over the linear values of value times the effort that the value one makes alone, and nothing besides.
+fn is_a_sum(e: &Applied) -> bool {
+    let Law::JointEffort(law) = e.entry.law else { return false };
+    let linear: Vec<usize> = (0..e.values.len()).filter(|&k| is_linear(e, k)).collect();
+    probes().all(|s| {
+        let whole = law(&e.values, &s);
+        let sum: f64 = linear.iter().map(|&k| e.values[k] * effort_of(e, &alone(e, k), &s)).sum();
+        (whole - sum).abs() <= 1e-9 * (whole.abs() + sum.abs()) + 1e-12
+    })
 }
 
 /// Whether the effort of a law is linear in its value number `k`: told by the law itself at a few states.
@@ -120,9 +147,7 @@ pub fn is_linear(e: &Applied, k: usize) -> bool {
         values[k] *= scale;
         law(&values, s)
     };
-    let states = [(0.3, 1.0, 2.0), (-0.7, -1.0, 0.4), (0.05, 1.0, -3.0), (-0.02, -1.0, -1.0)];
-    states.iter().all(|&(v, sign, load)| {
-        let s = JointState { q: 0.4, v, a: 0.1, sign, load, ..JointState::default() };
+    probes().all(|s| {
         let [a, b, c] = [1.0, 2.0, 3.0].map(|scale| at(scale, &s));
         (c - 2.0 * b + a).abs() <= 1e-9 * (a.abs() + b.abs() + c.abs())
     })
@@ -155,6 +180,7 @@ impl Columns {
         list.extend(laws.iter().enumerate().flat_map(|(l, e)| law_parameters(model, l, e)));
         stated.resize(list.len(), 0.0);
         Self {
+            alone: laws.iter().map(|e| (0..e.values.len()).map(|k| alone(e, k)).collect()).collect(),
             laws,
             list,
             bodies: links.iter().map(frame).collect(),
@@ -198,6 +224,7 @@ impl Columns {
             bodies: Vec::new(),
             stated: vec![0.0; N_INERTIAL],
             laws: Vec::new(),
+            alone: Vec::new(),
             kept: Vec::new(),
         }
     }
@@ -244,7 +271,7 @@ impl Columns {
                     let [q, v, a] = [data.q[joint], data.v[joint], data.a[joint]];
                     let (viscous, coulomb) = (model.joints[joint].viscous, model.joints[joint].coulomb);
                     let state = JointState { q, v, a, sign: direction[joint], load, viscous, coulomb, ..JointState::default() };
-                    (joint, unit_effort(&self.laws[law], value, &state))
+                    (joint, effort_of(&self.laws[law], &self.alone[law][value], &state))
                 }
             };
             for k in 0..n_act {
@@ -292,11 +319,13 @@ impl Columns {
 }
 
 /// Effort of a law whose value number `k` is one and whose other linear values are zero.
-fn unit_effort(e: &Applied, k: usize, state: &JointState) -> f64 {
-    let Law::JointEffort(law) = e.entry.law else { return 0.0 };
+fn alone(e: &Applied, k: usize) -> Vec<f64> {
     let value = |i: usize| if i == k { 1.0 } else { f64::from(u8::from(!is_linear(e, i))) * e.values[i] };
-    let values: Vec<f64> = (0..e.values.len()).map(value).collect();
-    law(&values, state)
+    (0..e.values.len()).map(value).collect()
+}
+
+fn effort_of(e: &Applied, values: &[f64], state: &JointState) -> f64 {
+    if let Law::JointEffort(law) = e.entry.law { law(values, state) } else { 0.0 }
 }
 
 /// The values of a friction law that the effort is linear in.

@@ -304,7 +304,9 @@ impl Problem<'_, '_> {
                 from += len;
             }
         }
-        &inverse * spread * &inverse
+        let mut sandwich = &inverse * spread * &inverse;
+        crate::statistics::at_least_white(&mut sandwich, &inverse);
+        sandwich
     }
 
     fn confounded(&self, covariance: &Mat<f64>) -> Vec<Confounded> {

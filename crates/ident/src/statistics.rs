@@ -226,14 +226,48 @@ impl Sandwich {
         let length: Vec<f64> = of.iter().map(|&j| self.information[(j, j)].sqrt().max(f64::MIN_POSITIVE)).collect();
         let scaled = |m: &Mat<f64>| Mat::from_fn(p, p, |i, j| m[(of[i], of[j])] / (length[i] * length[j]));
         let inverse = scaled(&self.information).llt(Side::Lower).ok()?.solve(Mat::<f64>::identity(p, p));
-        let sandwich = &inverse * scaled(&self.spread) * &inverse;
+        let mut sandwich = &inverse * scaled(&self.spread) * &inverse;
+        at_least_white(&mut sandwich, &inverse);
         Some(Mat::from_fn(p, p, |i, j| sandwich[(i, j)] / (length[i] * length[j])))
+    }
+}
+
+/// Variances of a sandwich that are below those of white noise become those.
+///
+/// The flat kernel of the autocovariance is not positive semidefinite: against a residual with a line at one frequency, columns at others
+/// come out with less than they have, or with less than nothing.
+pub(crate) fn at_least_white(sandwich: &mut Mat<f64>, white: &Mat<f64>) {
+    for k in 0..sandwich.nrows() {
+        sandwich[(k, k)] = sandwich[(k, k)].max(white[(k, k)]);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_residual_with_a_line_leaves_no_parameter_without_a_spread() {
+        // Columns at one frequency, the residual at another and noise: the cut kernel's sums are negative for some.
+        let n = 1500;
+        let wave = |cycles: f64, i: usize| pkm_dyn::math::sin(2.0 * core::f64::consts::PI * cycles * i as f64 / n as f64);
+        let residual: Vec<f64> = noise(n).iter().enumerate().map(|(i, e)| 0.3 * e + wave(3.0, i)).collect();
+        let gamma = Residual::of(core::slice::from_ref(&residual), 1.0).autocovariance;
+        let p = 7;
+        let columns = Mat::from_fn(n, p, |i, k| wave(2.0 + k as f64, i));
+        let mut spread = Mat::<f64>::zeros(p, p);
+        for (lag, gamma) in gamma.iter().enumerate().take(n) {
+            let (old, new) = (columns.subrows(0, n - lag), columns.subrows(lag, n - lag));
+            let part = new.transpose() * old * faer::Scale(if lag == 0 { 0.5 * gamma } else { *gamma });
+            spread += &part + part.transpose();
+        }
+        let sandwich = Sandwich { information: columns.transpose() * &columns, spread };
+        let places: Vec<usize> = (0..p).collect();
+        let covariance = sandwich.covariance(&places).unwrap();
+        // Of unit weights, that of white noise of variance one.
+        let white = 2.0 / n as f64;
+        assert!(places.iter().all(|&k| covariance[(k, k)] > 0.99 * white), "{covariance:?}");
+    }
 
     /// Numbers that look random: a linear congruence, summed to be near normal.
     fn noise(n: usize) -> Vec<f64> {

@@ -243,16 +243,17 @@ impl<'o> Walk<'o> {
         let p = self.columns.len();
         let (still, series, load) = (&self.still, &mut self.series, &self.load);
         let mut known_load = vec![0.0; n_act];
+        // Columns are cut at standstill only after the electronics: a lag of what is cut already is none of the cut effort's.
         self.columns.fill(&self.model, &mut self.data, &direction, &mut |k, c, x| {
-            if !still[k][i] {
-                series[k][c][at] = x;
-                known_load[k] += load.get(c).map_or(0.0, |l| l * x);
-            }
+            series[k][c][at] = x;
+            known_load[k] += load.get(c).map_or(0.0, |l| l * x);
         });
-        for k in (0..n_act).filter(|&k| !still[k][i]) {
+        for k in 0..n_act {
             series[k][p][at] = known[k] + known_load[k];
-            series[k][p + 1][at] = self.motion.tau[k][i];
-            series[k][p + 2][at] = 1.0;
+            if !still[k][i] {
+                series[k][p + 1][at] = self.motion.tau[k][i];
+                series[k][p + 2][at] = 1.0;
+            }
         }
     }
 
@@ -287,7 +288,9 @@ impl<'o> Walk<'o> {
                 let recorded = if is_effort {
                     self.filter.apply(s)
                 } else {
-                    self.filter.apply(&self.electronics[k].recorded(s.to_vec(), self.motion.dt))
+                    let mut seen = self.electronics[k].recorded(s.to_vec(), self.motion.dt);
+                    seen.iter_mut().zip(&self.series[k][p + 2]).for_each(|(x, is_moving)| *x *= is_moving);
+                    self.filter.apply(&seen)
                 };
                 Some(taken.iter().map(|&i| recorded[i - self.from]).collect())
             };

@@ -152,7 +152,8 @@ impl<'r> Mechanism<'r> {
             let Law::JointEffort(law) = e.entry.law else { continue };
             let j = e.place;
             let load = model.actuators.iter().position(|&a| a == j).map_or(0.0, |k| load[k]);
-            let mut state = JointState { load, ..JointState::default() };
+            let (viscous, coulomb) = (model.joints[j].viscous, model.joints[j].coulomb);
+            let mut state = JointState { load, viscous, coulomb, ..JointState::default() };
             (state.q, state.v, state.a, state.sign) = (self.data.q[j], self.data.v[j], self.data.a[j], signs[j]);
             let effort = law(&e.values, &state);
             for k in 0..self.full.len() {

@@ -56,6 +56,7 @@ impl Work<'_, '_, '_> {
     fn iterate(&mut self, set: &BaseSet, free: &[usize], mut fit: Fit, simulate: &mut Simulate<'_>) -> Result<Fit, IdentifyError> {
         let fixed = self.fixed(free);
         let factors = self.factors.less(&fixed);
+        let start = fit.clone();
         let mut last: Option<Stacked> = None;
         let mut iterations = 0;
         let mut is_settled = false;
@@ -71,14 +72,12 @@ impl Work<'_, '_, '_> {
             let (said, rows) = match rows {
                 Ok(found) => found,
                 Err(reason) => {
-                    self.notes.push(Note::NoInstruments { iterations, reason });
-                    return Ok(fit);
+                    return Ok(self.without_instruments(start, iterations, reason));
                 }
             };
             let Some(values) = instrumental(&rows) else {
                 let reason = "they do not determine the parameters".to_string();
-                self.notes.push(Note::NoInstruments { iterations, reason });
-                return Ok(fit);
+                return Ok(self.without_instruments(start, iterations, reason));
             };
             let mut next = scatter(&values, &set.kept, self.columns().len());
             next.iter_mut().zip(&fixed).for_each(|(x, f)| *x += f);
@@ -92,6 +91,13 @@ impl Work<'_, '_, '_> {
             self.judge(&rows, set, &mut fit, (iterations, is_settled))?;
         }
         Ok(fit)
+    }
+
+    /// The weighted estimate again, with the reason; what earlier simulations foretold is forgotten.
+    fn without_instruments(&mut self, start: Fit, iterations: usize, reason: String) -> Fit {
+        self.foretold = Vec::new();
+        self.notes.push(Note::NoInstruments { iterations, reason });
+        start
     }
 
     /// Root mean square change of the predictions, in units of the drives' noise.

@@ -5,7 +5,7 @@ use crate::Recording;
 use crate::error::InputError;
 use crate::filter::LowPass;
 
-/// Cut-off of the filter before thinning, as a share of the new sampling rate: power at the new Nyquist frequency is down by 1.5 %.
+/// Cut-off of the filter before thinning, as a share of the new sampling rate: an amplitude at the new Nyquist frequency is down to 1.6 %.
 const CUTOFF: f64 = 0.3;
 
 /// Every `factor`-th sample of a uniform signal behind a zero-phase low-pass at 0.3 of the new rate.

@@ -1,7 +1,6 @@
 //! Least-squares polynomials over a sliding window \[Savitzky1964\]: smoothing and derivatives in one.
 
 use faer::Mat;
-use faer::linalg::solvers::SolveLstsq;
 
 /// A filter of one window and order.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,7 +20,11 @@ impl SavitzkyGolay {
         // Places from −1 to 1 keep the powers of one size.
         let place = |i: usize| if half == 0 { 0.0 } else { (i as f64 - half as f64) / half as f64 };
         let powers = Mat::from_fn(n, order + 1, |i, k| (0..k).fold(1.0, |p, _| p * place(i)));
-        let inverse = powers.qr().solve_lstsq(Mat::<f64>::identity(n, n));
+        // The pseudo-inverse by the small square factor: one row per power, one column per place.
+        let factor = powers.qr();
+        let (q, r) = (factor.compute_thin_Q(), factor.thin_R().to_owned());
+        let mut inverse = q.transpose().to_owned();
+        r.as_ref().solve_upper_triangular_in_place(inverse.as_mut());
         let unit = |k: usize| (0..k).fold(1.0, |p, _| p / (half.max(1) as f64));
         let weights = (0..=order).map(|k| (0..n).map(|i| inverse[(k, i)] * unit(k)).collect()).collect();
         Self { half, order, weights }
