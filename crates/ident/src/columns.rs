@@ -110,10 +110,7 @@ pub struct Columns {
 /// A friction law that the file states and that is estimated value by value; one that is no sum over its linear values (an efficiency, of
 /// which one less it is a loss, or friction along the stroke from a place that is stated) stays as it is stated.
 pub(crate) fn is_friction_law(e: &Applied) -> bool {
-    matches!(e.entry.law, Law::JointEffort(_))
-        && e.entry.energy == Energy::Dissipates
-        && !ESTIMATED.contains(&e.entry.name)
-        && is_a_sum(e)
+    matches!(e.entry.law, Law::JointEffort(_)) && e.entry.energy == Energy::Dissipates && !ESTIMATED.contains(&e.entry.name) && is_a_sum(e)
 }
 
 /// States of a joint at which laws are asked what they are: to both sides, with and without friction of its own, below which some laws do
@@ -121,8 +118,16 @@ pub(crate) fn is_friction_law(e: &Applied) -> bool {
 fn probes() -> impl Iterator<Item = JointState> {
     let states = [(0.3, 1.0, 2.0), (-0.7, -1.0, 0.4), (0.05, 1.0, -3.0), (-0.02, -1.0, -1.0)];
     let sides = [(0.4, 1e3), (-0.4, 0.0), (0.4, 0.0), (-0.4, 1e3)];
-    states.into_iter().zip(sides).map(|((v, sign, load), (q, coulomb))| {
-        JointState { q, v, a: 0.1, sign, load, viscous: 10.0, coulomb, warmth: 1.5, ..JointState::default() }
+    states.into_iter().zip(sides).map(|((v, sign, load), (q, coulomb))| JointState {
+        q,
+        v,
+        a: 0.1,
+        sign,
+        load,
+        viscous: 10.0,
+        coulomb,
+        warmth: 1.5,
+        ..JointState::default()
     })
 }
 

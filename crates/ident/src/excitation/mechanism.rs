@@ -26,7 +26,7 @@ pub(super) enum Direction {
 /// Robot, columns and room to compute in.
 #[derive(Clone)]
 pub(super) struct Mechanism<'r> {
-    robot: &'r Robot,
+    pub(super) robot: &'r Robot,
     columns: &'r Columns,
     /// Columns that count.
     kept: &'r [usize],

@@ -322,7 +322,11 @@ fn baseline(search: &Search<'_, '_>, runs: &[&Run]) -> Result<Baseline, ExciteEr
             best = Some(verified);
         }
     }
-    let best = best.ok_or_else(|| ExciteError::NoMotion { robot: String::new(), reason: "random motions leave the limits".to_string() })?;
+    let robot = || search.mechanism.robot.model.name.clone();
+    let best = best.ok_or_else(|| ExciteError::NoMotion {
+        robot: robot(),
+        reason: "every random motion to compare with leaves the limits".to_string(),
+    })?;
     Ok(Baseline { motions: all.len(), best: best.quality, median: all[all.len() / 2] })
 }
 
