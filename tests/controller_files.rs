@@ -4,7 +4,7 @@ use core::fmt::Write;
 
 use pkm_ctrl::catalogue::{ALL, Drives, Entry, Visit, every};
 use pkm_ctrl::config::{CONTACT, parse};
-use pkm_ctrl::{Controller, FaultCode, Input, Limit, Running, Signals};
+use pkm_ctrl::{Controller, FaultCode, Input, Limit, Signals};
 use pkm_dyn::effects::Robot;
 use pkm_tests::closed_loop::{Sines, shipped_robot, tuning};
 

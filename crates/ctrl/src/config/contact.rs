@@ -11,8 +11,8 @@ use crate::controller::ConfigError;
 use crate::exercise::{Exercise, ExerciseConfig};
 use crate::force::gains::{Decoupling, Forward};
 use crate::force::{
-    ActuatorForce, ActuatorForceConfig, Admittance, AdmittanceConfig, ExplicitForce, ExplicitForceConfig, ForceLaw, ForcePidConfig, GainCurve,
-    Hybrid, HybridConfig, Impedance, ImpedanceConfig,
+    ActuatorForce, ActuatorForceConfig, Admittance, AdmittanceConfig, ExplicitForce, ExplicitForceConfig, ForceLaw, ForcePidConfig,
+    GainCurve, Hybrid, HybridConfig, Impedance, ImpedanceConfig,
 };
 
 /// Laws of contact of `N` drives, whatever the number of coordinates.

@@ -4,8 +4,8 @@ use super::erased::AnyObserver;
 use super::section::{NOT_NEGATIVE, POSITIVE, Section};
 use super::{FileError, Site};
 use crate::observer::{
-    AlphaBeta, CommandedAcceleration, CommandedVelocity, Discretisation, ExtendedState, FilteredDerivative, FirstDifference, Kalman, ModelBased,
-    SuperTwisting,
+    AlphaBeta, CommandedAcceleration, CommandedVelocity, Discretisation, ExtendedState, FilteredDerivative, FirstDifference, Kalman,
+    ModelBased, SuperTwisting,
 };
 
 /// Names of observers.

@@ -12,7 +12,7 @@ use super::FileError;
 use crate::controller::ConfigError;
 
 /// Names of an error's numbers that are called otherwise in files.
-const RENAMED: [(&str, &str); 10] = [
+const RENAMED: [(&str, &str); 11] = [
     ("dt", "rate_hz"),
     ("-ki", "bandwidth"),
     ("-kp", "bandwidth"),
@@ -20,6 +20,7 @@ const RENAMED: [(&str, &str); 10] = [
     ("bandwidth of the observer", "observer_bandwidth"),
     ("bandwidth of the law", "bandwidth"),
     ("q_upper - q_lower", "q_upper"),
+    ("q_upper - q_lower", "q_lower"),
     ("upper - lower", "upper"),
     ("component", "components"),
     ("wrench", "wrench_limit"),
@@ -221,8 +222,8 @@ impl<'a> Section<'a> {
 
     /// What a controller refused, at the line of the number where the file has it.
     pub(super) fn refusal(&self, e: &ConfigError) -> FileError {
-        let key = RENAMED.iter().find(|(name, _)| *name == e.what).map_or(e.what, |(_, key)| key);
-        let at = find(self.table, key).unwrap_or(self.start);
+        let renamed = RENAMED.iter().filter(|(name, _)| *name == e.what).map(|(_, key)| *key);
+        let at = renamed.chain([e.what]).find_map(|key| find(self.table, key)).unwrap_or(self.start);
         self.error(at, format!("{}{e}", self.path))
     }
 

@@ -58,11 +58,12 @@ fn gains<const N: usize>(s: &Section<'_>, site: &Site<'_>, scale: Scale, integra
         Scale::Inertia => mass_at_assembly::<N>(site.robot).map_err(|e| s.refusal(&e))?,
         Scale::One => [[1.0; N]; N],
     };
-    let of = |gain: f64| core::array::from_fn(|k| mass[k][k] * gain);
+    let of = |gain: fn(f64, f64) -> f64| core::array::from_fn(|k| gain(mass[k][k], w));
+    // Rounded as the catalogue's are.
     Ok(Gains {
-        kp: kp.unwrap_or_else(|| of(w * w)),
-        ki: ki.unwrap_or_else(|| of(w * w * w / 4.0)),
-        kd: kd.unwrap_or_else(|| of(2.0 * w)),
+        kp: kp.unwrap_or_else(|| of(|m, w| m * w * w)),
+        ki: ki.unwrap_or_else(|| of(|m, w| m * w * w * w / 4.0)),
+        kd: kd.unwrap_or_else(|| of(|m, w| m * 2.0 * w)),
         bandwidth,
     })
 }
