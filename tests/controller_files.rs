@@ -145,9 +145,11 @@ fn limits_of_the_robot_act_unless_the_file_has_others() {
     };
     let law = "law = \"pd_gravity\"\nrate_hz = 1000\nkp = 1e5\nkd = 0\n";
     let (health, tau) = step(law, 0.2, 0.15);
-    assert!(health.is_saturated && health.acted.is_empty() && tau == [1500.0; 3], "{health:?}");
+    assert!(health.is_saturated && health.acted.is_empty(), "{health:?}");
+    near(tau, [1500.0; 3]);
     let (health, tau) = step(&format!("{law}[limits]\ntau_limit = [200, 400, 500]\nq_upper = 0.18"), 0.2, 0.15);
-    assert!(health.acted.at(Limit::Position, 1) && tau == [200.0, 400.0, 500.0], "{health:?}");
+    assert!(health.acted.at(Limit::Position, 1), "{health:?}");
+    near(tau, [200.0, 400.0, 500.0]);
     // The joint ends at 0.3 m; a centimetre beyond that is a fault, and the weight is carried: none is known yet.
     let (health, tau) = step(law, 0.3, 0.3101);
     let fault = health.fault.expect("outside");

@@ -97,7 +97,7 @@ fn a_diagnosis_finds_what_was_concealed() {
     assert!((value - 1.5).abs() < 0.1 || (value - 1.8).abs() < 0.1, "{finding}");
 }
 
-/// LuGre's bristles are no form of the catalogue: told as concealed, not in the file, and a fit of dry friction sees them slip.
+/// Bristles are no form of the catalogue: told as concealed, not in the file, and a fit of dry friction sees them slip.
 #[test]
 fn other_forms_of_effects_act_and_are_told() {
     let folder = rig();
