@@ -380,3 +380,20 @@ pub fn results_table(name: &str, table: &str) {
         None => println!("{text}"),
     }
 }
+
+/// Name and text of every example file of the documentation in `folder`, by name.
+///
+/// # Panics
+/// When the folder is not there or a file cannot be read.
+#[must_use]
+pub fn examples(folder: &str) -> Vec<(String, String)> {
+    let at = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/examples").join(folder);
+    let mut out = Vec::new();
+    for entry in std::fs::read_dir(at).expect("the examples") {
+        let path = entry.expect("an entry").path();
+        let name = path.file_name().expect("a name").to_string_lossy().into_owned();
+        out.push((format!("docs/examples/{folder}/{name}"), std::fs::read_to_string(&path).expect("a text")));
+    }
+    out.sort();
+    out
+}

@@ -264,6 +264,51 @@ mod tracking {
     }
 
     #[test]
+    fn controllers_from_files_step_without_allocating() {
+        let robot = shipped_robot("prs3");
+        let motion = Sines::<3>::about_the_middle(&robot, 0.02);
+        let examples = pkm_tests::examples("controllers");
+        assert!(examples.len() > 14);
+        for (name, text) in examples {
+            let mut controller = pkm_ctrl::config::parse(&text, &name, &robot).expect("an example of the documentation");
+            let mut tau = [0.0; 3];
+            let count = allocations(|| {
+                for k in 0..200 {
+                    let [q, v, a] = motion.at(0.001 * f64::from(k));
+                    let q_meas = if k == 199 { [f64::NAN; 3] } else { q };
+                    let zero = [0.0; 6];
+                    let signals = pkm_ctrl::Signals {
+                        dt: 0.001,
+                        q_meas: &q_meas,
+                        tau_meas: &[1.0; 3],
+                        wrench_meas: [2.0; 6],
+                        q_ref: &q,
+                        v_ref: &v,
+                        a_ref: &a,
+                        wrench_ref: zero,
+                        tau_ff: &[300.0; 3],
+                    };
+                    black_box(controller.step(&signals, &mut tau));
+                }
+                // Slices of other lengths are a fault, no panic.
+                let signals = pkm_ctrl::Signals {
+                    dt: 0.001,
+                    q_meas: &[],
+                    tau_meas: &[],
+                    wrench_meas: [0.0; 6],
+                    q_ref: &[],
+                    v_ref: &[],
+                    a_ref: &[],
+                    wrench_ref: [0.0; 6],
+                    tau_ff: &[],
+                };
+                assert!(controller.step(&signals, &mut tau).is_faulted);
+            });
+            assert_eq!(count, 0, "{name}");
+        }
+    }
+
+    #[test]
     fn steps_of_every_controller_allocate_nothing() {
         on::<1>("motobotte");
         on::<2>("five_bar");

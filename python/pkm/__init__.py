@@ -5,6 +5,7 @@ Arrays are C-ordered (n_samples, n_joints), float64, SI units. Names are those o
 
 from . import evidence, plot, robots, verdict
 from ._pkm import (
+    Controller,
     Identification,
     Mu,
     Recording,
@@ -21,6 +22,7 @@ from ._pkm import (
 )
 
 __all__ = [
+    "Controller",
     "Identification",
     "Mu",
     "Recording",

@@ -11,6 +11,7 @@ from .evidence import Evidence
 from .verdict import Finding, Verdict
 
 __all__ = [
+    "Controller",
     "Identification",
     "Mu",
     "Recording",
@@ -476,3 +477,83 @@ def mu(
     slack: float | None = None,
 ) -> Mu:
     """Bounds the structured singular value of a complex matrix, or of a system (A, B, C, D) over a range of frequencies."""
+
+@type_check_only
+class ActedLimit(TypedDict):
+    """A limit that acted; `where` is a joint or a component of the wrench, None for the workspace."""
+
+    limit: Literal["Position", "Velocity", "Effort", "EffortRate", "Wrench", "Workspace", "Singularity"]
+    where: str | None
+
+@type_check_only
+class ControllerFault(TypedDict):
+    """The first fault of a controller; `number` never changes behind its name `code`."""
+
+    code: str
+    number: int
+    where: str | None
+    value: float
+    limit: float
+
+@type_check_only
+class ControllerHealth(TypedDict):
+    """How a step went."""
+
+    is_faulted: bool
+    is_saturated: bool
+    acted: list[ActedLimit]
+    fault: ControllerFault | None
+
+@final
+class Controller:
+    """A controller for a robot, with its state."""
+
+    def __new__(cls, robot: Robot, path: str | os.PathLike[str]) -> Controller:
+        """The controller that the file at `path` (docs/FORMATS.md, section 10) states, for `robot`, at rest."""
+
+    @property
+    def law(self) -> str:
+        """Name of its law."""
+
+    @property
+    def rate_hz(self) -> float:
+        """Steps per second that it is made for [Hz]."""
+
+    @property
+    def joints(self) -> list[str]:
+        """Names of the driven joints, in the order of every array."""
+
+    @property
+    def health(self) -> ControllerHealth:
+        """How the last step went."""
+
+    def step(
+        self,
+        *,
+        q_meas: ArrayLike,
+        q_ref: ArrayLike | None = None,
+        v_ref: ArrayLike | None = None,
+        a_ref: ArrayLike | None = None,
+        tau_ff: ArrayLike | None = None,
+        tau_meas: ArrayLike | None = None,
+        wrench_meas: ArrayLike | None = None,
+        wrench_ref: ArrayLike | None = None,
+        dt: float | None = None,
+    ) -> NDArray[numpy.float64]:
+        """One period: efforts for the drives [N | N·m], or voltages [V]. Numbers that are not finite are a fault, as on the robot."""
+
+    def run(
+        self,
+        *,
+        q_meas: ArrayLike,
+        q_ref: ArrayLike | None = None,
+        v_ref: ArrayLike | None = None,
+        a_ref: ArrayLike | None = None,
+        tau_ff: ArrayLike | None = None,
+        tau_meas: ArrayLike | None = None,
+        dt: float | None = None,
+    ) -> NDArray[numpy.float64]:
+        """One period per row of arrays of shape (n_samples, n_drives): the commands, of the same shape."""
+
+    def reset(self) -> None:
+        """To rest, as before the first step."""

@@ -56,6 +56,11 @@ pub(crate) fn sim(error: &SimError) -> PyErr {
     value(error.to_string())
 }
 
+/// A controller that cannot be read or built.
+pub(crate) fn controller(path: &Path, error: &pkm_ctrl::config::FileError) -> PyErr {
+    if path.is_file() { value(error.to_string()) } else { os(&path.display().to_string(), error.to_string()) }
+}
+
 /// An effect that cannot be put there.
 pub(crate) fn effect(error: &EffectError) -> PyErr {
     value(error.to_string())

@@ -6,6 +6,7 @@
 extern crate alloc;
 
 mod array;
+mod controller;
 mod diagnosis;
 mod dynamics;
 mod error;
@@ -24,6 +25,8 @@ use pyo3::prelude::*;
 /// The compiled part of the package `pkm`; use `pkm` itself.
 #[pymodule]
 mod _pkm {
+    #[pymodule_export]
+    use super::controller::Controller;
     #[pymodule_export]
     use super::diagnosis::{Report, diagnose};
     #[pymodule_export]

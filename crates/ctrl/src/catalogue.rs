@@ -133,7 +133,7 @@ fn visit_adrc<const N: usize>(mass: &[[f64; N]; N], tuning: &Tuning<N>, visit: &
 
 /// Inertia that the drives feel at the assembly `[kg | kg·m²]`; of more drives than freedoms each is given the largest, uncoupled: which of
 /// them move together changes with the pose.
-fn mass_at_assembly<const N: usize>(robot: &Robot) -> Result<[[f64; N]; N], ConfigError> {
+pub(crate) fn mass_at_assembly<const N: usize>(robot: &Robot) -> Result<[[f64; N]; N], ConfigError> {
     let model = DriveModel::<N>::try_new(robot.clone())?;
     let mut state = model.at_rest();
     let mass = model.mass(&mut state);

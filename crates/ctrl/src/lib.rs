@@ -7,17 +7,19 @@
 //!
 //! Motion: [`pd_gravity`]. Contact: [`force`], and [`exercise`] for what a patient does with it. Around any of them: [`limits`].
 //!
-//! Feature `design`: work on the desk (discretisation, gains, margins, structured singular value), with std.
+//! Of a number of drives that is known at run time only: [`running`]. Feature `config`: controllers from files, with std. Feature `design`: work on the desk (discretisation, gains, margins, structured singular value), with std.
 #![no_std]
 
 extern crate alloc;
-#[cfg(feature = "design")]
+#[cfg(any(feature = "design", feature = "config"))]
 extern crate std;
 
 pub mod adrc;
 pub mod catalogue;
 pub mod computed_torque;
 pub mod computed_torque_dae;
+#[cfg(feature = "config")]
+pub mod config;
 pub mod controller;
 #[cfg(feature = "design")]
 pub mod design;
@@ -33,6 +35,7 @@ pub mod observer;
 pub mod pd_gravity;
 pub mod pd_model;
 pub mod pid;
+pub mod running;
 pub mod tracking_differentiator;
 
 #[cfg(test)]
@@ -48,3 +51,4 @@ pub use limits::Limited;
 pub use pd_gravity::{PdGravity, PdGravityConfig, PdGravityState};
 pub use pd_model::{PdModel, PdModelConfig, PdModelState};
 pub use pid::{AntiWindup, Pid, PidConfig, PidState};
+pub use running::{About, Running, Runs, Signals};

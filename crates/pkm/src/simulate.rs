@@ -1,5 +1,6 @@
 //! `pkm simulate`: a robot moves with physics that its files do not have, and what a recorder would have written goes into a file.
 
+pub(crate) mod controller;
 pub(crate) mod hidden;
 pub(crate) mod plant;
 mod reference;
@@ -9,13 +10,14 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, ensure};
-use pkm_dyn::effects::{Applied, Robot};
+use pkm_dyn::effects::Robot;
+use pkm_dyn::model::Model;
 use pkm_dyn::urdf::Description;
 use pkm_hal::{Clock, MonotonicClock};
 use pkm_ident::Recording;
 use pkm_record::{Attachments, WriteError};
-use pkm_sim::{Scenario, Trajectory, run_along};
-use serde_json::json;
+use pkm_sim::{Scenario, Setup, Trajectory, run_with};
+use serde_json::{Value, json};
 
 use crate::convert::with_robot;
 use crate::outputs::Outputs;
@@ -29,7 +31,7 @@ const TOLD_S: f64 = 0.1;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 A PD controller with the weight of the robot as feed-forward follows the reference at 1 kHz or the rate of the recording, whichever is
-higher. It knows the robot's files only; what is concealed moves the robot and is not in the file that is written. Joints pass their limits
+higher; or the one that --controller names, at its own rate (its first fault ends the run). It knows the robot's files only; what is concealed moves the robot and is not in the file that is written. Joints pass their limits
 unless --end-stops is given. The same arguments give the same bytes.
 
 The reduced plant moves in the coordinates of the drives and is the default; the constrained one in those of the whole tree, for effects
@@ -38,6 +40,8 @@ with states of their own (play, elastic drives and structures, memories, contact
 Examples:
   pkm simulate prs3 --out A.mcap
   pkm simulate prs3 --out A.csv --hide 'friction_stribeck@q1:coulomb=12,stiction=21.3,stribeck_velocity=0.01' --seed 7
+  pkm simulate prs3 --out A.csv --hide 'friction_stribeck@q1:form=lugre,coulomb=12,stiction=21.3,stribeck_velocity=0.01,stiffness=1e5'
+  pkm simulate prs3 --out A.mcap --controller controller.toml
   pkm simulate serial_arm --out A.mcap --reference chirp --sweep 0.1:2 --noise none
   pkm simulate robot.toml --out B.mcap --reference A.csv --paced
   pkm simulate prs3 --out A.mcap --plant constrained --integrator radau --step 2e-4 --end-stops 0.2")]
@@ -47,9 +51,12 @@ pub(crate) struct Args {
     /// The recording to write, .mcap or .csv.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Conceal an effect, NAME@PLACE:PARAMETER=VALUE,... in SI units; may be given several times (`pkm effects` lists them).
+    /// Conceal an effect, NAME@PLACE:PARAMETER=VALUE,... in SI units; may be given several times (`pkm effects` lists them). With form=
+    /// among the parameters in another form than the catalogue's.
     #[arg(long, value_name = "EFFECT")]
     hide: Vec<String>,
+    #[command(flatten)]
+    controller: controller::ControllerArgs,
     #[command(flatten)]
     plant: plant::PlantArgs,
     #[command(flatten)]
@@ -86,20 +93,25 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let file = args.robot.display().to_string();
     let description = robot_file::read(&args.robot)?;
     check::must_assemble(&description.robot.model, &file)?;
-    let concealed =
-        args.hide.iter().map(|text| hidden::parse("--hide", text, &description.robot.model)).collect::<anyhow::Result<Vec<_>>>()?;
+    let concealed = hidden::Concealed::parse("--hide", &args.hide, &description.robot.model)?;
+    let controller = args.controller.read(&description.robot)?;
     reserve(args, &description)?;
     let (trajectory, duration_s) = args.motion.build(&description.robot.model, args.duration, args.seed)?;
     let scenario = scenario(args, duration_s)?;
-    let effects = description.robot.effects.iter().chain(&concealed).cloned().collect();
-    let robots = [&Robot::new(description.bare.clone(), effects), &description.robot];
-    let (mut recording, seconds) = move_along(args, robots, &scenario, trajectory.as_ref()).with_context(|| file.clone())?;
+    let told = (concealed.describe(&description.robot.model), concealed.as_json(&description.robot.model));
+    let truth = Robot::new(description.bare.clone(), description.robot.effects.iter().cloned().chain(concealed.effects).collect());
+    let (controller_file, controller) = controller.unzip();
+    let setup = Setup { robots: [&truth, &description.robot], laws: concealed.laws, controller };
+    let (mut recording, seconds) = move_along(args, setup, &scenario, trajectory.as_ref()).with_context(|| file.clone())?;
     recording.meta.other.insert("simulated_reference".to_string(), args.motion.name());
     let is_mcap = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
-    let attachments = if is_mcap { with_robot(&description) } else { Attachments::default() };
+    let mut attachments = if is_mcap { with_robot(&description) } else { Attachments::default() };
+    if let Some(file) = controller_file {
+        file.note(&mut recording, is_mcap.then_some(&mut attachments));
+    }
     pkm_record::write(&args.out, &recording, &attachments)?;
     if !args.quiet {
-        tell(args, &description, &concealed, &recording, scenario.duration_s / seconds)?;
+        tell(args, &description.robot.model, told, &recording, scenario.duration_s / seconds)?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -113,7 +125,7 @@ fn reserve(args: &Args, description: &Description) -> anyhow::Result<()> {
     }
     ensure!(args.force || !args.out.exists() || args.out.is_dir(), "{name}: exists already (--force replaces it)");
     let urdf = args.robot.with_file_name(&description.spec.urdf);
-    let inputs: Vec<&Path> = [args.robot.as_path(), &urdf].into_iter().chain(args.motion.file()).collect();
+    let inputs: Vec<&Path> = [args.robot.as_path(), &urdf].into_iter().chain(args.motion.file()).chain(args.controller.path()).collect();
     drop(Outputs::reserve(core::slice::from_ref(&args.out), &inputs)?);
     Ok(())
 }
@@ -140,11 +152,11 @@ fn scenario(args: &Args, duration_s: f64) -> anyhow::Result<Scenario> {
 }
 
 /// The recording and how long it took `[s]`.
-fn move_along(args: &Args, robots: [&Robot; 2], scenario: &Scenario, trajectory: &dyn Trajectory) -> anyhow::Result<(Recording, f64)> {
+fn move_along(args: &Args, setup: Setup<'_>, scenario: &Scenario, trajectory: &dyn Trajectory) -> anyhow::Result<(Recording, f64)> {
     let mut progress = Progress::new("simulating", args.quiet || args.json);
     let clock = MonotonicClock::start();
     let mut told = 0.0;
-    let recording = run_along(robots, scenario, trajectory, &mut |t| {
+    let recording = run_with(setup, scenario, trajectory, &mut |t| {
         if args.paced {
             wait_until(&clock, t);
         }
@@ -164,15 +176,10 @@ fn wait_until(clock: &MonotonicClock, t: f64) {
     }
 }
 
-fn tell(args: &Args, description: &Description, concealed: &[Applied], recording: &Recording, factor: f64) -> anyhow::Result<()> {
-    let model = &description.robot.model;
+/// Tells what was done; `concealed` is told for people and for programs.
+fn tell(args: &Args, model: &Model, concealed: (String, Vec<Value>), recording: &Recording, factor: f64) -> anyhow::Result<()> {
     let (samples, file) = (recording.len(), args.out.display().to_string());
     if args.json {
-        let effect = |e: &Applied| {
-            let parameters: serde_json::Map<String, serde_json::Value> =
-                e.entry.parameters.iter().zip(&e.values).map(|(p, v)| (p.name.to_string(), json!(v))).collect();
-            json!({"effect": e.entry.name, "where": e.place_names(model), "parameters": parameters})
-        };
         let told = json!({
             "schema": "pkm.simulation/1",
             "robot": model.name,
@@ -182,12 +189,12 @@ fn tell(args: &Args, description: &Description, concealed: &[Applied], recording
             "rate_hz": args.rate,
             "seed": args.seed,
             "reference": args.motion.name(),
-            "concealed": concealed.iter().map(effect).collect::<Vec<_>>(),
+            "concealed": concealed.1,
             "real_time_factor": factor,
         });
         return out::say(&serde_json::to_string_pretty(&told)?);
     }
-    let concealed = pkm_sim::describe(concealed, model);
+    let concealed = concealed.0;
     let signals = recording.signals.len();
     let text = format!(
         "{file}: {samples} samples of {signals} signals, {:.3} s of {} at {} times real time\nConcealed: {concealed}",

@@ -7,11 +7,13 @@ use anyhow::{Context, anyhow};
 use pkm_dyn::effects::Robot;
 use pkm_ident::Recording;
 use pkm_report::{Curve, Figure, Ink, Scale, Sheet, Table, Tone, sheet};
-use pkm_sim::twin::{Apart, Twin, TwinJoint, twin};
+use pkm_sim::Setup;
+use pkm_sim::twin::{Apart, Twin, TwinJoint, twin_with};
 use serde_json::{Value, json};
 
 use crate::diagnosis::read_recordings;
 use crate::outputs::Outputs;
+use crate::simulate::controller::ControllerArgs;
 use crate::simulate::hidden;
 use crate::simulate::plant::PlantArgs;
 use crate::{check, out, robot_file};
@@ -19,7 +21,7 @@ use crate::{check, out, robot_file};
 /// Arguments of `pkm twin`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-The controller of `pkm simulate` (PD with the weight of ROBOT as feed-forward) follows the reference in the recording (q_ref.<joint>, and
+The controller of `pkm simulate` (PD with the weight of ROBOT as feed-forward, or the one that --controller names) follows the reference in the recording (q_ref.<joint>, and
 dq_ref.<joint> where recorded) in a simulation without noise. What the robot did and what the simulated one does are compared joint by
 joint: position, effort, and the work of the drive. A robot that was moved by another controller differs by that as well.
 
@@ -35,6 +37,8 @@ pub(crate) struct Args {
     /// An effect that the simulated robot has besides its file, NAME@PLACE:PARAMETER=VALUE,...; may be given several times.
     #[arg(long = "with", value_name = "EFFECT")]
     with: Vec<String>,
+    #[command(flatten)]
+    controller: ControllerArgs,
     #[command(flatten)]
     plant: PlantArgs,
     /// Topic of the joint states, where an MCAP file has several.
@@ -57,15 +61,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let description = robot_file::read(&args.robot)?;
     let nominal = &description.robot;
     check::must_assemble(&nominal.model, &file)?;
-    let added = args.with.iter().map(|text| hidden::parse("--with", text, &nominal.model)).collect::<anyhow::Result<Vec<_>>>()?;
+    let added = hidden::Concealed::parse("--with", &args.with, &nominal.model)?;
+    let controller = args.controller.read(nominal)?.map(|(_, controller)| controller);
     let targets: Vec<PathBuf> = args.html.iter().cloned().collect();
-    let inputs: [&Path; 2] = [&args.robot, &args.recording];
+    let inputs: Vec<&Path> = [args.robot.as_path(), &args.recording].into_iter().chain(args.controller.path()).collect();
     let mut outputs = Outputs::reserve(&targets, &inputs)?;
     let recording = read_recordings(core::slice::from_ref(&args.recording), args.topic.as_deref())?;
     let recording = recording.first().ok_or_else(|| anyhow!("no recording"))?;
-    let truth = Robot::new(description.bare.clone(), nominal.effects.iter().cloned().chain(added).collect());
+    let truth = Robot::new(description.bare.clone(), nominal.effects.iter().cloned().chain(added.effects).collect());
     let name = args.recording.display().to_string();
-    let found = twin([&truth, nominal], recording, args.plant.kind(args.seed)?).with_context(|| name.clone())?;
+    let setup = Setup { robots: [&truth, nominal], laws: added.laws, controller };
+    let found = twin_with(setup, recording, args.plant.kind(args.seed)?).with_context(|| name.clone())?;
     if let Some(target) = &args.html {
         outputs.write(target, &page(&nominal.model.name, recording, &found))?;
     }

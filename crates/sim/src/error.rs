@@ -127,6 +127,22 @@ pub enum SimError {
         /// What is still taken for closed `[m | rad]`.
         limit: f64,
     },
+    /// A controller that stopped.
+    #[error("controller {law}: fault {code:?} ({number}){place} at t = {time} s: {value} (limit {limit})", number = *code as u8)]
+    Fault {
+        /// Its law.
+        law: String,
+        /// What happened.
+        code: pkm_ctrl::FaultCode,
+        /// Where, beginning with a blank; empty for what concerns the whole.
+        place: String,
+        /// When `[s]`.
+        time: f64,
+        /// The value that was not allowed, in the unit of the code.
+        value: f64,
+        /// What would have been.
+        limit: f64,
+    },
     /// An effect that is not in the library.
     #[error(transparent)]
     Effect(#[from] EffectError),

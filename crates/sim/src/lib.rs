@@ -1,7 +1,7 @@
 //! The world a robot is tried in: a plant with physics that the controller does not know, actuators, sensors, and a motion.
 //!
 //! [`run`] moves a true robot under a controller that knows only the nominal one and returns what a recorder would have written;
-//! [`run_along`] does so along any [`Trajectory`]. The
+//! [`run_along`] does so along any [`Trajectory`], [`run_with`] under any controller. The
 //! same inputs give the same bits on every machine: random numbers come from a seeded generator, transcendental functions from
 //! `pkm_dyn::math`.
 //!
@@ -49,7 +49,7 @@ pub use playback::Playback;
 pub use rapier::{RapierOptions, RapierPlant};
 pub use reference::{Reference, ReferenceOptions, Sample};
 pub use rerun::rerun;
-pub use scenario::{PlantKind, Scenario, needs_states, run, run_along};
+pub use scenario::{PlantKind, Scenario, Setup, needs_states, run, run_along, run_with};
 pub use shaped::{Shape, Shaped};
 pub use trajectory::{Trajectory, check_limits};
-pub use twin::{Twin, twin};
+pub use twin::{Twin, twin, twin_with};

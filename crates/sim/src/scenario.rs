@@ -1,39 +1,24 @@
 //! One run: a true robot under a controller that knows only the nominal one, and what a recorder writes meanwhile.
 
-use pkm_ctrl::{Controller, Input, PdGravity, PdGravityConfig, PdGravityState};
-use pkm_dyn::Data;
-use pkm_dyn::effects::Robot;
-use pkm_dyn::inverse_dynamics::inverse_dynamics;
-use pkm_dyn::loops::{assemble, mid_pose, walk_to};
-use pkm_dyn::model::Model;
-use pkm_ident::{EffortKind, Recording};
+mod drive_pds;
+mod log;
+mod rates;
+mod world;
 
-use crate::actuators::ActuatorChain;
+use pkm_ctrl::Running;
+use pkm_dyn::effects::Robot;
+use pkm_dyn::model::Model;
+use pkm_ident::Recording;
+
 use crate::dae::{ConstrainedOptions, ConstrainedPlant};
 use crate::error::SimError;
-use crate::plant::{Plant, ReducedPlant, check, has_states};
-use crate::random::{Random, Stream};
-use crate::reference::{Reference, ReferenceOptions, Sample};
-use crate::sensors::{Encoder, add_noise};
+use crate::laws::ForeignLaw;
+use crate::plant::{Plant, ReducedPlant, has_states};
+use crate::reference::{Reference, ReferenceOptions};
 use crate::trajectory::Trajectory;
-
-/// The controller runs at this rate or the next one above that is a multiple of the recording's `[Hz]`.
-const CONTROL_HZ: f64 = 1000.0;
-
-/// Plant steps per control period: at 1 kHz the leapfrog's error is then below 1e-5 of the efforts.
-const SUBSTEPS: usize = 2;
-
-/// Bandwidth of the position loop `[rad/s]` (8 Hz): stable with the lags and delays of common drives, stiff enough to track.
-const BANDWIDTH: f64 = 50.0;
-
-/// Damping ratio of the position loop.
-const DAMPING: f64 = 0.9;
-
-/// Time constant of the controller's velocity filter `[s]`.
-const FILTER_S: f64 = 1e-3;
-
-/// Longest run `[samples of the controller]`: five hours at 1 kHz.
-const MAX_STEPS: f64 = 2e7;
+use log::Log;
+use rates::Rates;
+use world::World;
 
 /// A motion that begins slower than this begins at rest `[m/s | rad/s]`: its velocity is a rounding error.
 const AT_REST: f64 = 1e-9;
@@ -59,10 +44,32 @@ impl PlantKind {
     /// # Errors
     /// Whatever the plant does not start with; the reduced plant with effects that have states.
     pub fn build(self, truth: &Robot, seed: u64, start: &[f64], velocity: &[f64]) -> Result<Box<dyn Plant>, SimError> {
+        self.build_with_laws(truth, seed, start, velocity, Vec::new())
+    }
+
+    /// As [`PlantKind::build`], with laws that are not the catalogue's; they want the constrained plant.
+    ///
+    /// # Errors
+    /// As [`PlantKind::build`]; the reduced plant with any such law.
+    pub fn build_with_laws(
+        self,
+        truth: &Robot,
+        seed: u64,
+        start: &[f64],
+        velocity: &[f64],
+        laws: Vec<Box<dyn ForeignLaw>>,
+    ) -> Result<Box<dyn Plant>, SimError> {
+        if self == Self::Reduced
+            && let Some(law) = laws.first()
+        {
+            let joint = truth.model.joints.get(law.joint()).map_or("", |j| j.name.as_str());
+            let what = format!("the form of an effect at joint {joint:?}");
+            return Err(SimError::NotRepresentable { engine: "the reduced plant", what, problem: "take the constrained one" });
+        }
         let is_moving = velocity.iter().any(|v| v.abs() > AT_REST);
         let options = match self {
             Self::Constrained(options) => options,
-            Self::Auto if needs_states(truth) => ConstrainedOptions { seed, ..ConstrainedOptions::default() },
+            Self::Auto if needs_states(truth) || !laws.is_empty() => ConstrainedOptions { seed, ..ConstrainedOptions::default() },
             Self::Auto | Self::Reduced => {
                 let mut plant = ReducedPlant::try_new(truth.clone(), start)?;
                 if is_moving {
@@ -71,7 +78,7 @@ impl PlantKind {
                 return Ok(Box::new(plant));
             }
         };
-        let mut plant = ConstrainedPlant::try_new(truth.clone(), start, options)?;
+        let mut plant = ConstrainedPlant::with_laws(truth.clone(), start, options, laws)?;
         if is_moving {
             plant.set_velocity(velocity);
         }
@@ -145,15 +152,25 @@ impl Scenario {
                 return Err(SimError::Scenario { what, value, limit });
             }
         }
-        let steps = self.duration_s * self.rate_hz * self.steps_per_sample();
-        if steps > MAX_STEPS {
-            return Err(SimError::Scenario { what: "duration_s", value: self.duration_s, limit: "too long: over 2e7 control periods" });
-        }
         Ok(())
     }
+}
 
-    fn steps_per_sample(&self) -> f64 {
-        (CONTROL_HZ / self.rate_hz).ceil().max(1.0)
+/// Who moves, and under which controller.
+pub struct Setup<'r> {
+    /// The true robot and the one that the controller knows.
+    pub robots: [&'r Robot; 2],
+    /// Laws of the true robot that are not the catalogue's; they want the constrained plant.
+    pub laws: Vec<Box<dyn ForeignLaw>>,
+    /// The controller, at its own rate; none is the PD of [`run`].
+    pub controller: Option<Box<dyn Running>>,
+}
+
+impl<'r> Setup<'r> {
+    /// The true robot and the nominal one under the PD of [`run`].
+    #[must_use]
+    pub fn new(robots: [&'r Robot; 2]) -> Self {
+        Self { robots, laws: Vec::new(), controller: None }
     }
 }
 
@@ -191,25 +208,36 @@ pub fn run_along(
     reference: &dyn Trajectory,
     each: &mut dyn FnMut(f64),
 ) -> Result<Recording, SimError> {
-    let [truth, nominal] = robots;
+    run_with(Setup::new(robots), scenario, reference, each)
+}
+
+/// As [`run_along`] for any controller and any law. A controller holds its command until its next step; the recording's rate is its own.
+///
+/// # Errors
+/// As [`run_along`]; a controller for another number of drives, one whose rate has no common multiple with the recording's, and its first
+/// fault, which ends the run.
+pub fn run_with(
+    setup: Setup<'_>,
+    scenario: &Scenario,
+    reference: &dyn Trajectory,
+    each: &mut dyn FnMut(f64),
+) -> Result<Recording, SimError> {
+    let [truth, nominal] = setup.robots;
     scenario.check()?;
     same_mechanism(&truth.model, &nominal.model)?;
-    let per_sample = scenario.steps_per_sample();
-    let period = 1.0 / (scenario.rate_hz * per_sample);
-    let per_sample = whole(per_sample);
-    let steps = whole((scenario.duration_s * scenario.rate_hz).round()) * per_sample;
-    let mut world = World::try_new(truth, nominal, scenario, reference, period)?;
+    let rates = Rates::try_new(scenario, setup.controller.as_ref().map(|c| c.about().rate_hz))?;
+    let mut world = World::try_new(setup, scenario, reference, &rates)?;
     let mut log = Log::new(world.drives.len());
-    for step in 0..=steps {
-        let t = period * step as f64;
+    for step in 0..=rates.steps {
+        let t = rates.period * step as f64;
         each(t);
-        world.control(reference, t)?;
-        log.record(&world, step % per_sample == 0);
-        if step < steps {
+        world.control(reference, t, step % rates.per_control == 0)?;
+        log.record(&world, step % rates.per_sample == 0);
+        if step < rates.steps {
             world.advance()?;
         }
     }
-    Ok(log.finish(&world, &nominal.model, scenario, per_sample))
+    Ok(log.finish(&world, &nominal.model, scenario, rates.per_sample))
 }
 
 fn same_mechanism(truth: &Model, nominal: &Model) -> Result<(), SimError> {
@@ -225,196 +253,4 @@ fn same_mechanism(truth: &Model, nominal: &Model) -> Result<(), SimError> {
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "counts checked against MAX_STEPS, never negative")]
 fn whole(x: f64) -> usize {
     x as usize
-}
-
-/// One drive with its controller, actuator chain and encoder.
-struct Drive {
-    controller: PdGravity<1>,
-    state: PdGravityState<1>,
-    chain: ActuatorChain,
-    encoder: Encoder,
-    reading: f64,
-    command: f64,
-}
-
-struct World<'r> {
-    plant: Box<dyn Plant>,
-    nominal: &'r Model,
-    nominal_data: Data,
-    drives: Vec<Drive>,
-    sample: Sample,
-    random: Random,
-    period: f64,
-    tau: Vec<f64>,
-    zero: Vec<f64>,
-}
-
-impl<'r> World<'r> {
-    fn try_new(truth: &Robot, nominal: &'r Robot, scenario: &Scenario, reference: &dyn Trajectory, period: f64) -> Result<Self, SimError> {
-        let model = &nominal.model;
-        let mut sample = Sample::default();
-        reference.at(0.0, &mut sample);
-        if sample.q.len() != model.n_act() {
-            return Err(SimError::NotTheSameRobot { what: "number of drives" });
-        }
-        let gains = mass_at_mid_pose(model)?;
-        let mut drives = Vec::new();
-        for (&j, mass) in model.actuators.iter().zip(gains) {
-            let limit = model.joints[j].limits.effort;
-            let config = PdGravityConfig {
-                kp: [mass * BANDWIDTH * BANDWIDTH],
-                kd: [mass * 2.0 * DAMPING * BANDWIDTH],
-                tau_limit: [if limit.is_finite() && limit > 0.0 { limit } else { f64::MAX }],
-                dt: period,
-                filter_s: FILTER_S,
-            };
-            drives.push(Drive {
-                controller: PdGravity::try_new(config)?,
-                state: PdGravityState::default(),
-                chain: ActuatorChain::try_new(truth, j, period)?,
-                encoder: Encoder::new(truth, j, scenario.encoder_resolution, scenario.encoder_noise),
-                reading: 0.0,
-                command: 0.0,
-            });
-        }
-        let start: Vec<f64> = sample.q.iter().zip(&drives).map(|(q, d)| d.encoder.true_position(*q)).collect();
-        let n = drives.len();
-        let mut nominal_data = Data::new(model);
-        for closure in [assemble(model, &mut nominal_data), walk_to(model, &mut nominal_data, &sample.q)] {
-            check(&closure, 0.0)?;
-        }
-        let plant = scenario.plant.build(truth, scenario.seed, &start, &sample.v)?;
-        Ok(Self {
-            plant,
-            nominal: model,
-            nominal_data,
-            drives,
-            sample,
-            random: Random::new(scenario.seed, Stream::Encoders),
-            period,
-            tau: vec![0.0; n],
-            zero: vec![0.0; n],
-        })
-    }
-
-    /// Reads the sensors and computes the commands of the period that begins at `t`.
-    fn control(&mut self, reference: &dyn Trajectory, t: f64) -> Result<(), SimError> {
-        reference.at(t, &mut self.sample);
-        let Self { nominal_data, sample, zero, .. } = self;
-        let closure = inverse_dynamics(self.nominal, nominal_data, &sample.q, zero, zero);
-        check(&closure, t)?;
-        for (k, drive) in self.drives.iter_mut().enumerate() {
-            drive.reading = drive.encoder.read(self.plant.position()[k], t, &mut self.random);
-            let input = Input {
-                q_ref: [self.sample.q[k]],
-                v_ref: [self.sample.v[k]],
-                tau_ff: [self.nominal_data.tau_act[k]],
-                ..Input::standing([drive.reading], self.period)
-            };
-            let is_first = t <= 0.0;
-            drive.command = drive.controller.step(&mut drive.state, &input).tau[0];
-            if is_first {
-                drive.chain.settle(drive.command);
-            }
-            drive.chain.push(drive.command);
-        }
-        Ok(())
-    }
-
-    /// Moves the plant on by one control period.
-    fn advance(&mut self) -> Result<(), SimError> {
-        let h = self.period / SUBSTEPS as f64;
-        for part in 0..SUBSTEPS {
-            for (tau, drive) in self.tau.iter_mut().zip(&mut self.drives) {
-                *tau = drive.chain.mean_over(h * part as f64, h);
-            }
-            self.plant.step(&self.tau, h)?;
-        }
-        Ok(())
-    }
-}
-
-/// Diagonal of the nominal mass matrix in the middle of travel `[kg | kg·m²]`; what the gains are scaled with.
-fn mass_at_mid_pose(model: &Model) -> Result<Vec<f64>, SimError> {
-    let mut data = Data::new(model);
-    let (n, middle) = (model.n_act(), mid_pose(model));
-    let zero = vec![0.0; n];
-    for closure in [assemble(model, &mut data), walk_to(model, &mut data, &middle)] {
-        check(&closure, 0.0)?;
-    }
-    let mut effort = |a: &[f64], k: usize| -> Result<f64, SimError> {
-        check(&inverse_dynamics(model, &mut data, &middle, &zero, a), 0.0)?;
-        Ok(data.tau_act[k])
-    };
-    let mut masses = Vec::new();
-    for k in 0..n {
-        let mut unit = zero.clone();
-        unit[k] = 1.0;
-        masses.push(effort(&unit, k)? - effort(&zero, k)?);
-    }
-    Ok(masses)
-}
-
-/// Signals by drive.
-struct Log {
-    time: Vec<f64>,
-    /// Commands of every control period: efforts are averaged over them.
-    commands: Vec<Vec<f64>>,
-    readings: Vec<Vec<f64>>,
-    q_ref: Vec<Vec<f64>>,
-    v_ref: Vec<Vec<f64>>,
-    steps: usize,
-}
-
-impl Log {
-    fn new(n: usize) -> Self {
-        let empty = vec![Vec::new(); n];
-        Self { time: Vec::new(), commands: empty.clone(), readings: empty.clone(), q_ref: empty.clone(), v_ref: empty, steps: 0 }
-    }
-
-    fn record(&mut self, world: &World, is_sample: bool) {
-        for (k, drive) in world.drives.iter().enumerate() {
-            self.commands[k].push(drive.command);
-            if is_sample {
-                self.readings[k].push(drive.reading);
-                self.q_ref[k].push(world.sample.q[k]);
-                self.v_ref[k].push(world.sample.v[k]);
-            }
-        }
-        if is_sample {
-            self.time.push(world.period * self.steps as f64);
-        }
-        self.steps += 1;
-    }
-
-    fn finish(self, world: &World, model: &Model, scenario: &Scenario, per_sample: usize) -> Recording {
-        let mut out = Recording { name: format!("{}, simulated", model.name), ..Recording::default() };
-        let mut random = Random::new(scenario.seed, Stream::Efforts);
-        let columns = self.readings.into_iter().zip(self.q_ref).zip(self.v_ref);
-        for (k, ((readings, q_ref), v_ref)) in columns.enumerate() {
-            let late = world.drives[k].chain.recording_delay() / world.period;
-            let mut tau: Vec<f64> = (0..self.time.len()).map(|i| measured(&self.commands[k], (i * per_sample) as f64 - late)).collect();
-            let share = world.drives[k].chain.recorded_share();
-            tau.iter_mut().for_each(|tau| *tau *= share);
-            add_noise(&mut tau, scenario.effort_noise, &mut random);
-            let joint = &model.joints[model.actuators[k]].name;
-            for (prefix, column) in [("q", readings), ("tau", tau), ("q_ref", q_ref), ("dq_ref", v_ref)] {
-                out.signals.insert(format!("{prefix}.{joint}"), column);
-            }
-        }
-        out.meta.tau = Some(EffortKind::Measured);
-        out.meta.other.insert("simulated_seed".to_string(), scenario.seed.to_string());
-        out.time = self.time;
-        out
-    }
-}
-
-/// Mean of the held commands over one control period on either side of time `at` (in periods).
-///
-/// A current sensor integrates; and taken on one side only, the hold would look like half a period of delay.
-fn measured(commands: &[f64], at: f64) -> f64 {
-    let floor = at.floor();
-    let share = at - floor;
-    let command = |i: f64| commands[whole(i.max(0.0)).min(commands.len() - 1)];
-    0.5 * ((1.0 - share) * command(floor - 1.0) + command(floor) + share * command(floor + 1.0))
 }

@@ -6,7 +6,7 @@ use pkm_ident::Recording;
 
 use crate::error::SimError;
 use crate::reference::Sample;
-use crate::scenario::{PlantKind, Scenario, run_along};
+use crate::scenario::{PlantKind, Scenario, Setup, run_with};
 use crate::sensors::rms;
 use crate::trajectory::Trajectory;
 
@@ -111,7 +111,16 @@ impl Trajectory for RecordedReference {
 ///
 /// # Errors
 /// A recording without reference or positions; everything a run can fail with.
-pub fn twin([truth, nominal]: [&Robot; 2], recording: &Recording, plant: PlantKind) -> Result<Twin, SimError> {
+pub fn twin(robots: [&Robot; 2], recording: &Recording, plant: PlantKind) -> Result<Twin, SimError> {
+    twin_with(Setup::new(robots), recording, plant)
+}
+
+/// As [`twin`] under any controller.
+///
+/// # Errors
+/// As [`twin`], and what [`run_with`] adds.
+pub fn twin_with(setup: Setup<'_>, recording: &Recording, plant: PlantKind) -> Result<Twin, SimError> {
+    let nominal = setup.robots[1];
     let reference = RecordedReference::try_new(nominal, recording)?;
     let duration_s = recording.duration();
     let scenario = Scenario {
@@ -123,7 +132,7 @@ pub fn twin([truth, nominal]: [&Robot; 2], recording: &Recording, plant: PlantKi
         plant,
         ..Scenario::default()
     };
-    let simulated = run_along([truth, nominal], &scenario, &reference, &mut |_| {})?;
+    let simulated = run_with(setup, &scenario, &reference, &mut |_| {})?;
     let mut joints = Vec::new();
     for &j in &nominal.model.actuators {
         let name = &nominal.model.joints[j].name;

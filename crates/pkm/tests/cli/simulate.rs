@@ -97,6 +97,47 @@ fn a_diagnosis_finds_what_was_concealed() {
     assert!((value - 1.5).abs() < 0.1 || (value - 1.8).abs() < 0.1, "{finding}");
 }
 
+/// Bristles are no form of the catalogue: told as concealed, not in the file, and a fit of dry friction sees them slip.
+#[test]
+fn other_forms_of_effects_act_and_are_told() {
+    let folder = rig();
+    let hide = "friction_coulomb@j2:form=lugre,stiffness=500,coulomb=1.5,stiction=1.5,stribeck_velocity=0.01";
+    let base = ["simulate", "rig.toml", "--duration", "4", "--noise", "none", "--plant", "constrained", "--out"];
+    let told = prints(folder.path(), &[&base[..], &["sick.csv", "--hide", hide]].concat());
+    assert!(told.contains("Concealed: friction_coulomb at j2 in the form lugre: stiffness = 500, coulomb = 1.5"), "{told}");
+    let also = ["both.csv", "--hide", hide, "--hide", "payload@hand:mass=0.5", "--json"];
+    let json: Value = serde_json::from_str(&prints(folder.path(), &[&base[..], &also].concat())).unwrap();
+    let concealed = &json["concealed"];
+    assert_eq!((&concealed[0]["effect"], &concealed[1]["form"]), (&"payload".into(), &"lugre".into()));
+    assert_eq!((&concealed[1]["where"][0], &concealed[1]["parameters"]["stiffness"]), (&"j2".into(), &500.0.into()));
+    prints(folder.path(), &[&base[..], &["well.csv"]].concat());
+    let column = |file: &str, name: &str| -> Vec<f64> {
+        let (first, lines) = csv_lines(&folder.path().join(file));
+        let at = lines[first - 1].split(',').position(|n| n == name).unwrap();
+        lines[first..].iter().map(|line| line.split(',').nth(at).unwrap().parse().unwrap()).collect()
+    };
+    for (joint, wanted) in [("j1", 0.0), ("j2", 1.5)] {
+        let [sick, well] = ["sick.csv", "well.csv"].map(|file| column(file, &format!("tau.{joint}")));
+        let v = column("well.csv", &format!("dq_ref.{joint}"));
+        let moving: Vec<usize> = (0..v.len()).filter(|&i| v[i].abs() > 0.6).collect();
+        assert!(moving.len() > 1000);
+        let fitted = moving.iter().map(|&i| (sick[i] - well[i]) * v[i].signum()).sum::<f64>() / moving.len() as f64;
+        assert!((fitted - wanted).abs() < 0.1, "{joint}: {fitted}");
+    }
+    assert!(!fs::read_to_string(folder.path().join("sick.csv")).unwrap().contains("lugre"));
+    let simulate = ["simulate", "rig.toml", "--out", "A.csv", "--duration", "1", "--hide"];
+    for (text, parts) in [
+        ("friction_coulomb@j2:form=sand", &["--hide", "form \"sand\" is unknown (has: ", "lugre"][..]),
+        ("payload@hand:form=lugre", &["payload", "\"lugre\" is unknown (has: "]),
+        ("friction_coulomb@j7:form=lugre", &["\"j7\" is not a joint"]),
+        ("friction_coulomb@j2:form=lugre,stiffness=5", &["form lugre: parameter \"coulomb\" is missing"]),
+    ] {
+        refused(folder.path(), &[&simulate[..], &[text]].concat(), parts);
+    }
+    let parts = ["the reduced plant cannot represent the form of an effect at joint \"j2\"", "take the constrained one"];
+    refused(folder.path(), &[&simulate[..], &[hide, "--plant", "reduced"]].concat(), &parts);
+}
+
 #[test]
 fn a_paced_run_takes_as_long_as_its_motion() {
     let folder = rig();
