@@ -23,8 +23,7 @@ const EVENTS_S: [f64; 6] = [0.0, 0.36, 1.96, 2.48, 3.56, 4.0];
 const EVENTS: [f64; 6] = [1.6179, 1.5874, 1.863, 1.45, 1.6895, 1.6179];
 
 /// Coefficients of the printed polynomial, of t⁰ to t¹¹.
-const POLYNOMIAL: [f64; 12] =
-    [1.6123, 0.7538, -9.8969, 41.7027, -83.9365, 95.2514, -65.7025, 28.5069, -7.8109, 1.3103, -0.1227, 0.0049];
+const POLYNOMIAL: [f64; 12] = [1.6123, 0.7538, -9.8969, 41.7027, -83.9365, 95.2514, -65.7025, 28.5069, -7.8109, 1.3103, -0.1227, 0.0049];
 
 /// Until here four decimals of its coefficients fix the polynomial to 0.055 rad `[s]`; at 4 s it is at −11 rad.
 const POLYNOMIAL_S: f64 = 1.75;

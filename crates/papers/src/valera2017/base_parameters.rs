@@ -33,8 +33,7 @@ pub(super) fn counts() -> Result<Vec<Row>, PaperError> {
     let alike = legs_alike(&w);
     let my = 3;
     let symmetric = alike.clone().remove_column(my);
-    let mut rows =
-        vec![Row::held_against("eq. 4", "inertial parameters that act, of 70", acting as f64, None, (Gate::Within(0.0), 25.0))];
+    let mut rows = vec![Row::held_against("eq. 4", "inertial parameters that act, of 70", acting as f64, None, (Gate::Within(0.0), 25.0))];
     let mut push = |place: &'static str, what: &str, w: &DMatrix<f64>, (checked, paper): (f64, Option<f64>), why: &str| {
         let Rank { rank, gap, .. } = rank(&normalised(w));
         rows.push(Row::held_against(place, what, rank as f64, paper, (Gate::Within(0.0), checked)).because(why));
@@ -190,11 +189,14 @@ fn all_sets(model: &Model, progress: &mut dyn FnMut(f64)) -> Result<(Vec<Row>, P
     }
     sorted.sort_by(f64::total_cmp);
     let (low, high) = (sorted.first().copied().unwrap_or(f64::NAN), sorted.last().copied().unwrap_or(f64::NAN));
-    let set_1 = rank(&r.select_columns(left_by(&SETS[0]).iter().filter_map(|name| ACTING.iter().position(|a| a == name)).collect::<Vec<_>>().iter()));
+    let set_1 = rank(
+        &r.select_columns(left_by(&SETS[0]).iter().filter_map(|name| ACTING.iter().position(|a| a == name)).collect::<Vec<_>>().iter()),
+    );
     let why = "on one motion of 4 s; an independent program counts 969 sets from 216 to 29 085, set 1 at 234, on another";
     let rows = vec![
-        Row::held_against("section 3", "sets of six that can be eliminated, of 177 100", valid.len() as f64, None, (Gate::Within(0.0), 969.0))
-            .because("those whose determinant in the null space is above 1e-6"),
+        Row::new("section 3", "sets of six that can be eliminated, of 177 100", valid.len() as f64, None, Gate::Told).because(
+            "those whose determinant in the null space is above 1e-6; the count depends on that limit and on the motion's scaling",
+        ),
         Row::new("section 3", "lowest condition number of all sets", low, None, Gate::Told).because(why),
         Row::new("section 3", "highest over lowest condition number of all sets", high / low, None, Gate::AtLeast(20.0)).because(why),
         Row::new("section 3", "set 1 over the lowest", set_1.condition / low, None, Gate::AtMost(2.0)).because(why),

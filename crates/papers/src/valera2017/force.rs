@@ -217,9 +217,8 @@ pub(super) fn rows(progress: &mut dyn FnMut(f64)) -> Result<(Vec<Row>, Plot), Pa
     progress(1.0);
     let why = "the paper prints curves and \"very good\": the limits are our own, 10 % of the amplitude and half a degree; the foot is a \
                spring of 5 kN/m with a load cell of 0.5 N";
-    let own = |place: &'static str, what: &str, ours: f64, most: f64| {
-        Row::new(place, what, ours, None, Gate::AtMost(most)).conclusion_only(why)
-    };
+    let own =
+        |place: &'static str, what: &str, ours: f64, most: f64| Row::new(place, what, ours, None, Gate::AtMost(most)).conclusion_only(why);
     let rows = vec![
         own("eq. 15", "hybrid control, 60 N at pi/2 rad/s: rms of the force's error, N", standing.force_error(4.0), 0.1 * AMPLITUDE),
         own("eq. 15", "hybrid control: largest pitch or roll, deg", standing.tilt().to_degrees(), 0.5),

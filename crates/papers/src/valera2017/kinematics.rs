@@ -19,8 +19,7 @@ const POSE: [f64; 3] = [-0.40, 0.10, -0.12];
 const ANGLES: [f64; 3] = [-1.399_178_09, -1.403_397_74, -1.391_203_65];
 
 /// Rates of the sliders per rate of height, pitch and roll there, likewise.
-const RATES: [[f64; 3]; 3] =
-    [[1.0, -0.304_214_11, -0.003_044_23], [1.0, 0.156_523_05, 0.256_490_63], [1.0, 0.139_630_78, -0.243_759_12]];
+const RATES: [[f64; 3]; 3] = [[1.0, -0.304_214_11, -0.003_044_23], [1.0, 0.156_523_05, 0.256_490_63], [1.0, 0.139_630_78, -0.243_759_12]];
 
 /// Step of the differences `[m | rad]`.
 const STEP: f64 = 1e-4;
@@ -112,6 +111,12 @@ pub(super) fn rows() -> Result<Vec<Row>, PaperError> {
     rows.push(jacobian.because("against an independent program; the paper prints the symbol alone"));
     let inverse = (checked * forward - Matrix3::identity()).amax();
     rows.push(Row::new("eq. 15", "the same against the library's solution of the loops, largest gap", inverse, None, Gate::AtMost(1e-7)));
-    rows.push(Row::new("section 2", "inverse then forward kinematics over 40 poses, largest gap, m or rad", gap, None, Gate::AtMost(1e-12)));
+    rows.push(Row::new(
+        "section 2",
+        "inverse then forward kinematics over 40 poses, largest gap, m or rad",
+        gap,
+        None,
+        Gate::AtMost(1e-12),
+    ));
     Ok(rows)
 }

@@ -45,7 +45,13 @@ pub(super) fn noise() -> Result<(Vec<Row>, Plot), PaperError> {
         vec![Row::held_against("eq. 14", what("differences"), difference, None, (Gate::Within(1e-9 * closed_form), closed_form))];
     for (bandwidth, checked, half_digit) in GAINS {
         let ours = of_observer(bandwidth)?;
-        rows.push(Row::held_against("eq. 14", what(&format!("observer of {bandwidth}/s")), ours, None, (Gate::Within(half_digit), checked)));
+        rows.push(Row::held_against(
+            "eq. 14",
+            what(&format!("observer of {bandwidth}/s")),
+            ours,
+            None,
+            (Gate::Within(half_digit), checked),
+        ));
     }
     let why = "not printed: Ts = 10 ms and both poles at 1 − bandwidth·Ts; above 50/s the observer is noisier than differences";
     rows = rows.into_iter().map(|row| row.because(why)).collect();
@@ -87,7 +93,9 @@ fn velocity_rows([fod, obs]: [Figures; 2]) -> Vec<Row> {
             Some(7.29 / 1.98),
             Gate::AtLeast(3.0),
         )
-        .because("the ratio needs no number that is not printed but the observer's bandwidth, 15/s here; 21/s is the most for a ratio of 3"),
+        .because(
+            "the ratio needs no number that is not printed but the observer's bandwidth, 15/s here; 21/s is the most for a ratio of 3",
+        ),
         Row::new(
             "Table 2",
             "velocity: lag, differences over observer",
@@ -163,9 +171,12 @@ pub(super) fn other_loops() -> Result<Vec<Row>, PaperError> {
             "mean of the velocity's error with the exact model, mm/s",
             1e3 * mean(&error),
             Some(0.372),
-            Gate::AtMost(0.372),
+            Gate::Told,
         )
-        .conclusion_only("the reference, the counts and the gains of the figure are not printed; ours is no worse"),
+        .not_reproducible(
+            "reference, gains, bandwidth and friction of the figure are not printed; ours is the mean size of the error of an observer of \
+             15/s with dry friction in the robot, an independent simulation has 1.29 mm/s (with noise)",
+        ),
         row("counts alone, differences: std of velocity, % of range", fod.velocity_share, 0.93),
         Row { paper: Some(1.98), ..row("counts alone, observer: std of velocity, % of range", obs.velocity_share, 0.60) },
     ])
