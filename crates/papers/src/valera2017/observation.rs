@@ -117,8 +117,8 @@ pub(super) fn drawn_motion(period_s: f64, samples: usize, seed: u64) -> Vec<Stat
     let mean: [f64; N] = core::array::from_fn(|k| states.iter().map(|s| s[0][k]).sum::<f64>() / samples as f64);
     let widest = states.iter().flat_map(|s| (0..N).map(move |k| (s[0][k] - mean[k]).abs())).fold(0.0, f64::max);
     for state in &mut states {
-        for k in 0..N {
-            state[0][k] = 0.1 + (state[0][k] - mean[k]) * HALF / widest;
+        for (k, mean) in mean.iter().enumerate() {
+            state[0][k] = 0.1 + (state[0][k] - mean) * HALF / widest;
             state[1][k] *= HALF / widest;
             state[2][k] *= HALF / widest;
         }
