@@ -38,7 +38,3 @@ struct Step {
 fn golden() -> Golden {
     serde_json::from_str(include_str!("golden/scipy/controllers.json")).expect("golden file")
 }
-
-fn rms(x: &[f64]) -> f64 {
-    pkm_dyn::math::sqrt(x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64)
-}

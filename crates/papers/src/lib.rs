@@ -5,13 +5,15 @@
 //!
 //! Not in here: files, printing, clocks. The same rows come out on every run.
 
-mod arceo2021;
+pub mod arceo2021;
 mod armas;
+mod chance;
 mod error;
 mod mcdaid;
 mod robot;
 mod row;
-mod valera2017;
+mod series;
+pub mod valera2017;
 
 pub use error::PaperError;
 pub use row::{Gate, Line, Plot, Reproduction, Row, Verdict};

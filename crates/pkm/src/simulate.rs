@@ -43,6 +43,7 @@ Examples:
   pkm simulate prs3 --out A.csv --hide 'friction_stribeck@q1:form=lugre,coulomb=12,stiction=21.3,stribeck_velocity=0.01,stiffness=1e5'
   pkm simulate prs3 --out A.mcap --controller controller.toml
   pkm simulate serial_arm --out A.mcap --reference chirp --sweep 0.1:2 --noise none
+  pkm simulate motobotte --out A.csv --reference gait --duration 8
   pkm simulate robot.toml --out B.mcap --reference A.csv --paced
   pkm simulate prs3 --out A.mcap --plant constrained --integrator radau --step 2e-4 --end-stops 0.2")]
 pub(crate) struct Args {

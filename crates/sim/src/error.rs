@@ -91,6 +91,14 @@ pub enum SimError {
         /// What was violated last.
         reason: String,
     },
+    /// A robot without a joint that its single drive moves.
+    #[error("robot {robot:?} has not one drive that moves a joint {joint:?}")]
+    NoCoordinate {
+        /// Its name.
+        robot: String,
+        /// The joint.
+        joint: String,
+    },
     /// A recording without a signal that a replay needs.
     #[error("the recording has no {signal}")]
     NoSignal {

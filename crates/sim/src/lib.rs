@@ -15,6 +15,7 @@
 extern crate alloc;
 
 pub mod actuators;
+pub mod ankle;
 pub mod backend;
 pub mod dae;
 mod dense;
@@ -38,6 +39,7 @@ mod stick_slip;
 pub mod trajectory;
 pub mod twin;
 
+pub use ankle::{Ankle, AnkleAngle, AnkleExercise, AnkleMotion};
 pub use backend::{SimBackend, SimClock, SimDrive, SimOptions};
 pub use dae::{ConstrainedOptions, ConstrainedPlant, Integrator};
 pub use error::SimError;

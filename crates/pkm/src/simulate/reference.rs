@@ -1,11 +1,12 @@
-//! `--reference`: a drawn motion, or the reference columns of a recording played back.
+//! `--reference`: a drawn motion, an exercise of the foot on an ankle robot, or the reference columns of a recording played back.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 use pkm_dyn::model::Model;
 use pkm_record::ReadOptions;
-use pkm_sim::{Playback, Reference, ReferenceOptions, Shape, Shaped, Trajectory, check_limits};
+use pkm_sim::ankle::ANKLES;
+use pkm_sim::{Ankle, AnkleExercise, AnkleMotion, Playback, Reference, ReferenceOptions, Shape, Shaped, Trajectory, check_limits};
 
 /// Length of a drawn motion `[s]`.
 const DURATION_S: f64 = 20.0;
@@ -19,7 +20,8 @@ const SWEEP_HZ: (f64, f64) = (0.1, 2.0);
 /// What the motion is.
 #[derive(Debug, clap::Args)]
 pub(crate) struct MotionArgs {
-    /// fourier, min-jerk, chirp, step, or a recording (.csv or .mcap) whose reference is played back.
+    /// fourier, min-jerk, chirp, step; on an ankle robot (motobotte) gait, gait-polynomial, isokinetic; or a recording (.csv or .mcap)
+    /// whose reference is played back.
     #[arg(long, value_name = "MOTION", default_value = "fourier")]
     reference: String,
     /// Share of the travel that a drawn motion may use, 0 to 1; less where loops or limits demand it
@@ -43,7 +45,12 @@ impl MotionArgs {
     /// The recording to be played back, if it is one.
     pub(super) fn file(&self) -> Option<&Path> {
         let is_drawn = DRAWN.iter().any(|(name, _)| *name == self.reference);
-        (!is_drawn).then(|| Path::new(&self.reference))
+        (!is_drawn && self.exercise().is_none()).then(|| Path::new(&self.reference))
+    }
+
+    /// The exercise of an ankle, if it is one.
+    fn exercise(&self) -> Option<AnkleExercise> {
+        AnkleExercise::ALL.into_iter().find(|exercise| exercise.name() == self.reference)
     }
 
     /// What the recording's metadata calls it.
@@ -56,6 +63,9 @@ impl MotionArgs {
     /// # Errors
     /// Numbers out of range, a file that cannot be read, a motion that leaves the limits.
     pub(super) fn build(&self, model: &Model, duration: Option<f64>, seed: u64) -> anyhow::Result<(Box<dyn Trajectory>, f64)> {
+        if let Some(exercise) = self.exercise() {
+            return self.exercised(model, exercise, duration);
+        }
         let Some((kind, usual)) = DRAWN.iter().find(|(name, _)| *name == self.reference) else {
             return self.play(model, duration);
         };
@@ -79,10 +89,24 @@ impl MotionArgs {
         format!("--reference {}", self.reference)
     }
 
+    /// The drive's motion for an exercise of the foot.
+    fn exercised(&self, model: &Model, exercise: AnkleExercise, duration: Option<f64>) -> anyhow::Result<(Box<dyn Trajectory>, f64)> {
+        let Some(ankle) = Ankle::of(&model.name) else {
+            let known: Vec<&str> = ANKLES.iter().map(|ankle| ankle.robot).collect();
+            bail!("{}: robot {:?} moves no ankle that is known (there are: {})", self.place(), model.name, known.join(", "));
+        };
+        let motion = AnkleMotion::try_new(model, ankle, exercise).with_context(|| self.place())?;
+        let usual = if exercise.repeats() { DURATION_S } else { exercise.length_s() };
+        let duration_s = duration.unwrap_or(usual);
+        check_limits(model, &motion, duration_s).with_context(|| self.place())?;
+        Ok((Box::new(motion), duration_s))
+    }
+
     fn play(&self, model: &Model, duration: Option<f64>) -> anyhow::Result<(Box<dyn Trajectory>, f64)> {
         let path = PathBuf::from(&self.reference);
         if !path.exists() {
-            let known: Vec<&str> = DRAWN.iter().map(|(name, _)| *name).collect();
+            let exercises = AnkleExercise::ALL.iter().map(|exercise| exercise.name());
+            let known: Vec<&str> = DRAWN.iter().map(|(name, _)| *name).chain(exercises).collect();
             bail!("{}: no such file, and no motion of that name (there are: {})", self.place(), known.join(", "));
         }
         let file = path.display().to_string();

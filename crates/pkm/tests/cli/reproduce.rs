@@ -19,7 +19,14 @@ fn every_paper_has_rows_and_none_is_missed() {
         for row in rows {
             assert!(row["verdict"] != "missed" && row["ours"].is_number() && !row["place"].as_str().unwrap().is_empty(), "{row}");
             assert!(row["paper"].is_number() || row["paper"].is_null());
-            let what = row["what"].as_str().unwrap().replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
+            let what = row["what"]
+                .as_str()
+                .unwrap()
+                .replace('&', "&amp;")
+                .replace('<', "&lt;")
+                .replace('>', "&gt;")
+                .replace('"', "&quot;")
+                .replace('\'', "&#39;");
             assert!(page.contains(&what), "the page lacks {what:?}");
         }
     }

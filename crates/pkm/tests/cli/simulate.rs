@@ -139,6 +139,28 @@ fn other_forms_of_effects_act_and_are_told() {
 }
 
 #[test]
+fn a_foot_walks_and_exercises_where_there_is_one() {
+    let folder = tempfile::tempdir().unwrap();
+    // Equation (4), mended, at the first event of gait and at 140 degrees.
+    for (reference, start) in [("gait", 0.083_709), ("isokinetic", 0.010_762)] {
+        let file = format!("{reference}.csv");
+        let options = ["--reference", reference, "--duration", "1", "--rate", "100", "--json"];
+        let told = prints(folder.path(), &[&["simulate", "motobotte", "--out", &file][..], &options].concat());
+        let told: Value = serde_json::from_str(&told).unwrap();
+        assert_eq!((&told["reference"], &told["samples"]), (&reference.into(), &101.into()));
+        let (first, lines) = csv_lines(&folder.path().join(&file));
+        let column = lines[first - 1].split(',').position(|name| name == "q_ref.d").unwrap();
+        let d: f64 = lines[first].split(',').nth(column).unwrap().parse().unwrap();
+        assert!((d - start).abs() < 1e-5, "{reference}: {d}");
+    }
+    // Table 1's mechanism cannot reach where the exercise starts.
+    let table = ["simulate", "motobotte_table", "--out", "B.csv", "--reference", "isokinetic"];
+    refused(folder.path(), &table, &["--reference isokinetic", "position of joint \"d\" = -0.0007"]);
+    let beyond = ["simulate", "prs3", "--out", "B.csv", "--reference", "gait"];
+    refused(folder.path(), &beyond, &["\"prs3\" moves no ankle"]);
+}
+
+#[test]
 fn a_paced_run_takes_as_long_as_its_motion() {
     let folder = rig();
     let told = prints(folder.path(), &["simulate", "rig.toml", "--out", "A.mcap", "--duration", "0.5", "--paced", "--json"]);
@@ -160,7 +182,8 @@ fn bad_input_is_refused_in_one_line() {
         (&["--hide", "friction_coulomb@j1"], &["coulomb", "is missing"]),
         (&["--hide", "friction_coulomb@j1:coulomb=1,grip=1"], &["\"grip\"", "unknown"]),
         (&["--hide", "friction_coulomb"], &["no @"]),
-        (&["--reference", "wave"], &["--reference wave", "fourier, min-jerk, chirp, step"]),
+        (&["--reference", "wave"], &["--reference wave", "fourier, min-jerk, chirp, step, gait"]),
+        (&["--reference", "gait"], &["--reference gait", "\"rig\" moves no ankle", "motobotte"]),
         (&["--reference", "chirp", "--sweep", "3"], &["LOW:HIGH"]),
         (&["--reference", "chirp", "--sweep", "0:3"], &["low_hz = 0", "> 0"]),
         (&["--amplitude", "2"], &["amplitude = 2", "<= 1"]),
