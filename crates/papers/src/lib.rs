@@ -6,9 +6,11 @@
 //! Not in here: files, printing, clocks. The same rows come out on every run.
 
 mod arceo2021;
-mod armas;
+pub mod armas;
+mod draw;
 mod error;
-mod mcdaid;
+pub mod mcdaid;
+mod refused;
 mod robot;
 mod row;
 mod valera2017;
