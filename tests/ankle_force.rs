@@ -282,15 +282,9 @@ fn run(k: [f64; 4], commanded: [f64; 4], coulomb: f64, [moment, pace]: [f64; 2])
 /// Acceptance 6: back-driving with commanded internal force only, uniform 5 against the proposed gains.
 #[test]
 fn the_proposed_gains_let_the_foot_move_the_robot_with_smaller_force_errors() {
-<<<<<<< HEAD
     let internal = internal(60.0).expect("a direction");
-    let uniform = run([5.0; 4], internal, 20.0, [12.0, 1.0]);
-    let proposed = run(PROPOSED, internal, 20.0, [12.0, 1.0]);
-=======
-    let internal = drawn_internal(60.0);
     let uniform = run([5.0; 4], internal, 20.0, [5.0, 1.0]);
     let proposed = run(PROPOSED, internal, 20.0, [5.0, 1.0]);
->>>>>>> main
     println!("uniform 5: {:.2?} N, {:.3?} N·m, reach {:.3} rad", uniform.force, uniform.moment, uniform.reach);
     println!("proposed:  {:.2?} N, {:.3?} N·m, reach {:.3} rad", proposed.force, proposed.moment, proposed.reach);
     let better = (0..4).filter(|&k| proposed.force[k] < 0.7 * uniform.force[k]).count();

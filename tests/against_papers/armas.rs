@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, Matrix4};
 use pkm_dyn::inverse_dynamics::inverse_dynamics;
 use pkm_dyn::spatial::Pose;
 use pkm_dyn::{Data, Model, math};
-use pkm_papers::armas::geometry::{ACCELERATION, POSE, RATE, Table1};
 use pkm_ident::base::{States as Kind, base_parameters};
+use pkm_papers::armas::geometry::{ACCELERATION, POSE, RATE, Table1};
 use pkm_tests::{Draw, derivative_of_vector};
 
 use crate::stack::{Rank, Stack, States, beside, rank, stack};

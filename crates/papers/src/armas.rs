@@ -32,9 +32,10 @@ pub(crate) fn reproduce(progress: crate::Progress) -> Result<Reproduction, Paper
     progress(0.1);
     let train = identification::recorded(&robot, &identify, motions::IDENTIFY_S, &mut |x| progress(0.1 + 0.5 * x))?;
     let test = identification::recorded(&robot, &verify, motions::VERIFY_S, &mut |x| progress(0.6 + 0.3 * x))?;
-    let reduced = order.first(KEPT).to_vec();
-    let inertial: Vec<usize> = reduced.iter().copied().filter(|c| candidates.inertial.contains(c)).collect();
-    let (more, forces) = identification::rows(&robot, [&train, &test], &reduced, &inertial)?;
+    let (reduced, all) = (order.first(KEPT), order.first(candidates.inertial.len()));
+    let smooth: Vec<usize> = reduced.iter().copied().filter(|c| candidates.inertial.contains(c)).collect();
+    let sets = identification::Sets { reduced, smooth: &smooth, all };
+    let (more, forces) = identification::rows(&robot, [&train, &test], &sets)?;
     rows.extend(more);
     plots.extend(forces);
     progress(1.0);

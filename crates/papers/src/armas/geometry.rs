@@ -25,11 +25,7 @@ impl Table1 {
             [radius * c, radius * s]
         };
         let [fd, fi, md, mi] = degrees;
-        Self {
-            base: [[-base, 0.0], at(base, fd), at(base, -fi)],
-            platform: [[-platform, 0.0], at(platform, md), at(platform, -mi)],
-            ds,
-        }
+        Self { base: [[-base, 0.0], at(base, fd), at(base, -fi)], platform: [[-platform, 0.0], at(platform, md), at(platform, -mi)], ds }
     }
 
     /// The geometry that the paper ends with.
@@ -124,7 +120,13 @@ const NAMES: [&str; 11] = ["q11", "q12", "q13", "q21", "q22", "q23", "q31", "q32
 fn coordinate_rows() -> Vec<Row> {
     let found = Table1::last().inverse_kinematics(POSE);
     let row = |((name, ours), checked): ((&&str, f64), f64)| {
-        let row = Row::held_against("eq. 4-10", format!("{name} at X .05, Z .65, theta .10, psi -.05, m or rad"), ours, None, (Gate::Within(6e-10), checked));
+        let row = Row::held_against(
+            "eq. 4-10",
+            format!("{name} at X .05, Z .65, theta .10, psi -.05, m or rad"),
+            ours,
+            None,
+            (Gate::Within(6e-10), checked),
+        );
         row.because("(10) lacks ds, the hinge of leg 4: X = ds + q42 cos q41; the text writes q44 for q42")
     };
     NAMES.iter().zip(found).zip(POSE_Q).map(row).collect()
@@ -138,7 +140,10 @@ fn section_2_2() -> Vec<Row> {
     let mut rows = Vec::new();
     for (name, k, paper, checked) in [("q13", 0, 0.223_606_797_7, 0.282_843), ("q23", 1, 0.227_646_809_0, 0.287_108)] {
         let what = format!("{name} at X = theta = psi = 0, Z = .2, radius of the base .3 m");
-        rows.push(Row::new("section 2.2", what, smaller[k], Some(paper), Gate::Within(2e-10)).because("the printed lengths need a radius of .3 m"));
+        rows.push(
+            Row::new("section 2.2", what, smaller[k], Some(paper), Gate::Within(2e-10))
+                .because("the printed lengths need a radius of .3 m"),
+        );
         let what = format!("{name} there with Table 1's radius of .4 m");
         let row = Row::held_against("section 2.2", what, own[k], Some(paper), (Gate::Within(6e-7), checked));
         rows.push(row.not_reproducible("the printed lengths belong to a base of .3 m, Table 1 has .4 m"));
@@ -153,12 +158,26 @@ fn limit_rows() -> Vec<Row> {
     for (end, z, printed) in ends {
         let found = Table1::first().lengths([0.0, z, 0.0, 0.0]);
         for (leg, (ours, paper)) in found.into_iter().zip(printed).enumerate() {
-            let row = Row::new("eq. 31", format!("{end} length of leg {} in the starting geometry, m", leg + 1), ours, Some(paper), Gate::Within(1e-4));
-            rows.push(row.because(format!("the limits are lengths of the starting geometry at X = theta = psi = 0, Z = {z}; they do not hold for the final one")));
+            let row = Row::new(
+                "eq. 31",
+                format!("{end} length of leg {} in the starting geometry, m", leg + 1),
+                ours,
+                Some(paper),
+                Gate::Within(1e-4),
+            );
+            rows.push(row.because(format!(
+                "the limits are lengths of the starting geometry at X = theta = psi = 0, Z = {z}; they do not hold for the final one"
+            )));
         }
     }
     let there = Table1::last().lengths([0.0, 0.3758, 0.0, 0.0])[0];
-    let row = Row::new("eq. 31", "length of leg 1 at that pose in the final geometry, off the printed limit, m", (there - 0.4257).abs(), None, Gate::AtLeast(0.03));
+    let row = Row::new(
+        "eq. 31",
+        "length of leg 1 at that pose in the final geometry, off the printed limit, m",
+        (there - 0.4257).abs(),
+        None,
+        Gate::AtLeast(0.03),
+    );
     rows.push(row.not_reproducible("the printed limits cannot be those of the robot that was built"));
     rows
 }
@@ -168,13 +187,25 @@ fn singularity_rows() -> Vec<Row> {
     let mut rows = Vec::new();
     for z in [0.4, 0.5, 0.6] {
         let start = Table1::first().singular_values([0.0, z, 0.0, 0.0]);
-        let row = Row::held_against("section 2.2", format!("smallest singular value of the starting Jacobian at Z = {z}"), start[3], None, (Gate::Within(5e-3), 0.02));
+        let row = Row::held_against(
+            "section 2.2",
+            format!("smallest singular value of the starting Jacobian at Z = {z}"),
+            start[3],
+            None,
+            (Gate::Within(5e-3), 0.02),
+        );
         rows.push(row.not_reproducible(format!(
             "\"the Jacobian is now full range\": of full rank it is, with condition numbers up to {:.0}",
             start[0] / start[3]
         )));
         let last = Table1::last().singular_values([0.0, z, 0.0, 0.0]);
-        let row = Row::held_against("Table 1", format!("smallest singular value of the final Jacobian at Z = {z}"), last[3], None, (Gate::Within(0.04), 0.12));
+        let row = Row::held_against(
+            "Table 1",
+            format!("smallest singular value of the final Jacobian at Z = {z}"),
+            last[3],
+            None,
+            (Gate::Within(0.04), 0.12),
+        );
         rows.push(row.because("the final geometry is four to eight times as far from a singularity"));
     }
     rows

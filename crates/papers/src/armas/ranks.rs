@@ -34,9 +34,8 @@ const LINKS: [(&str, &str); 9] = [
 const KINDS: [&str; N_INERTIAL] = ["m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"];
 
 /// Parameters that act on nothing \[Armas, Table 2\].
-const NULL: [&str; 16] = [
-    "m11", "m21", "m31", "m41", "Ixx41", "Ixy41", "Ixz41", "Iyy41", "Iyz41", "Ixx42", "Ixy42", "Ixz42", "Iyz42", "Izz42", "my42", "mz41",
-];
+const NULL: [&str; 16] =
+    ["m11", "m21", "m31", "m41", "Ixx41", "Ixy41", "Ixz41", "Iyy41", "Iyz41", "Ixx42", "Ixy42", "Ixz42", "Iyz42", "Izz42", "my42", "mz41"];
 
 /// States behind a rank, and behind the list of columns that are zero.
 const STATES: usize = 150;
@@ -126,7 +125,8 @@ pub(super) fn rows() -> Result<Vec<Row>, PaperError> {
     let mut rows = vec![
         whole("Table 2", "columns that are zero", null.len(), Some(16.0), 16.0).because(frames),
         whole("Table 2", "of these, in the printed list", listed, Some(16.0), 16.0).because(frames),
-        whole("eq. 18", "rank of the chains by themselves", open, None, 55.0).because("3 times 13 of the outer legs, 6 of leg 4, 10 of the platform"),
+        whole("eq. 18", "rank of the chains by themselves", open, None, 55.0)
+            .because("3 times 13 of the outer legs, 6 of leg 4, 10 of the platform"),
         Row::new("eq. 18", "gap of the singular values behind it", gap, None, Gate::AtLeast(1e6)),
     ];
     let structural = "by structure, three masses of rods and one of leg 4 move to the platform: 55 - 4. The printed 34 is how many a motion \
@@ -138,7 +138,16 @@ pub(super) fn rows() -> Result<Vec<Row>, PaperError> {
     let moving = count(&model, States::Moving, 1)?;
     rows.push(whole("section 3.1", "base parameters of the links", moving.inertial, Some(34.0), 51.0).not_reproducible(structural));
     rows.push(Row::new("section 3.1", "gap of the singular values behind them", moving.gap, None, Gate::AtLeast(1e6)));
-    rows.push(whole("section 3.1", "the same in the starting geometry", count(&shipped("ups3_rpu1_start")?.bare, States::Moving, 1)?.inertial, Some(34.0), 51.0).not_reproducible(structural));
+    rows.push(
+        whole(
+            "section 3.1",
+            "the same in the starting geometry",
+            count(&shipped("ups3_rpu1_start")?.bare, States::Moving, 1)?.inertial,
+            Some(34.0),
+            51.0,
+        )
+        .not_reproducible(structural),
+    );
     rows.push(whole("section 3.1", "base parameters at rest", count(&model, States::AtRest, 2)?.inertial, None, 15.0));
     model.gravity.fill(0.0);
     rows.push(whole("section 3.1", "base parameters without weight", count(&model, States::Moving, 3)?.inertial, None, 40.0));

@@ -152,11 +152,18 @@ pub(super) fn rows(identify: &Order, verify: &Order) -> Vec<Row> {
     let structural = identify.pivots.len() + n_friction;
     let mut rows = vec![
         whole("eq. 24", "friction parameters of eleven joints", n_friction, 22.0),
-        whole("section 3.1", "parameters of the reduced model", identify.first(KEPT).len(), 56.0).because("the largest set that is well-conditioned, not the rank"),
+        whole("section 3.1", "parameters of the reduced model", identify.first(KEPT).len(), 56.0)
+            .because("the largest set that is well-conditioned, not the rank"),
         Row::held_against("section 3.1", "base parameters with friction", structural as f64, Some(56.0), (Gate::Within(0.0), 73.0))
             .not_reproducible("51 of the links and 22 of friction, all shown by this motion; 56 is a truncated rank"),
-        Row::new("section 3.1", "condition number of 34 inertial and 22 friction columns", identify.condition(KEPT), Some(LIMIT), Gate::AtMost(LIMIT))
-            .because("the paper asks for less than 300; columns at length one, 201 samples of a 20 s motion with seven harmonics"),
+        Row::new(
+            "section 3.1",
+            "condition number of 34 inertial and 22 friction columns",
+            identify.condition(KEPT),
+            Some(LIMIT),
+            Gate::AtMost(LIMIT),
+        )
+        .because("the paper asks for less than 300; columns at length one, 201 samples of a 20 s motion with seven harmonics"),
         Row::new("section 3.1", "share of the first pivot at the 34th inertial column", identify.pivots[KEPT - 1], None, Gate::Told)
             .because("the tolerance at which 34 is the rank: the paper states none"),
     ];
@@ -164,8 +171,16 @@ pub(super) fn rows(identify: &Order, verify: &Order) -> Vec<Row> {
         let what = format!("condition number of {kept} inertial and 22 friction columns");
         rows.push(Row::new("section 3.1", what, identify.condition(kept), None, note).because("a set grows at the price of its condition"));
     }
-    rows.push(Row::new("section 3.1", "condition number of 34 and 22 columns along the verification motion", verify.condition(KEPT), None, Gate::Told)
-        .because("a motion for checking need not show them as well"));
+    rows.push(
+        Row::new(
+            "section 3.1",
+            "condition number of 34 and 22 columns along the verification motion",
+            verify.condition(KEPT),
+            None,
+            Gate::Told,
+        )
+        .because("a motion for checking need not show them as well"),
+    );
     rows
 }
 

@@ -112,8 +112,11 @@ pub(super) fn rows() -> Result<Vec<Row>, PaperError> {
     for (i, checked) in NULL.into_iter().enumerate() {
         add("eq. 8.7", format!("share of leg {} in the force that moves nothing", i + 1), null[i].abs(), checked);
     }
-    let gap = (0..4).flat_map(|i| (0..3).map(move |k| (i, k))).fold(0.0, |worst: f64, (i, k)| worst.max((rates[(i, k)] - JACOBIAN[i][k]).abs()));
-    rows.push(Row::new("eq. 8.4", "largest error of an entry of J in the neutral pose, m", gap, None, Gate::AtMost(EIGHT)).because(READING));
+    let gap =
+        (0..4).flat_map(|i| (0..3).map(move |k| (i, k))).fold(0.0, |worst: f64, (i, k)| worst.max((rates[(i, k)] - JACOBIAN[i][k]).abs()));
+    rows.push(
+        Row::new("eq. 8.4", "largest error of an entry of J in the neutral pose, m", gap, None, Gate::AtMost(EIGHT)).because(READING),
+    );
     let slope = derivative_gap([0.0; 3], &rates).max(derivative_gap(tilted, &rates_tilted));
     rows.push(Row::new("eq. 8.4", "largest difference of J from differences of the lengths, m", slope, None, Gate::AtMost(1e-9)));
     Ok(rows)

@@ -141,7 +141,15 @@ pub(super) fn rows() -> Result<(Vec<Row>, Vec<Plot>), PaperError> {
         curves.push(GainCurve::try_new(&points)?);
     }
     let curves: [GainCurve; 2] = curves.try_into().map_err(|_| PaperError::Other { what: WHAT, reason: "two curves".to_string() })?;
-    let row = Row::new("Figure 8.14", "largest modulus of a pole with scheduled gains, 35 orientations", worst_radius(&curves)?, None, Gate::AtMost(0.9999));
-    rows.push(row.because("piecewise-linear k2 and k3 below the limits, constant k1 and k0: stable between the orientations it was made at"));
+    let row = Row::new(
+        "Figure 8.14",
+        "largest modulus of a pole with scheduled gains, 35 orientations",
+        worst_radius(&curves)?,
+        None,
+        Gate::AtMost(0.9999),
+    );
+    rows.push(
+        row.because("piecewise-linear k2 and k3 below the limits, constant k1 and k0: stable between the orientations it was made at"),
+    );
     Ok((rows, plots))
 }

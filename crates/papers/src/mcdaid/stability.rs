@@ -32,7 +32,11 @@ fn model_rows(model: &ForceLoop) -> Result<Vec<Row>, PaperError> {
     let plant = model.plant().map_err(refused(WHAT))?;
     let lagged = model.lagged().map_err(refused(WHAT))?;
     let open = model.open_loop().map_err(refused(WHAT))?;
-    let states = [("eq. 8.22", "three masses", &plant, 22.0), ("eq. 8.31", "and currents", &lagged, 26.0), ("eq. 8.35", "and filters", &open, 30.0)];
+    let states = [
+        ("eq. 8.22", "three masses", &plant, 22.0),
+        ("eq. 8.31", "three masses and currents", &lagged, 26.0),
+        ("eq. 8.35", "masses, currents and filters", &open, 30.0),
+    ];
     let mut rows: Vec<Row> = states
         .map(|(place, what, system, count)| {
             let what = format!("states of the model with {what}");
@@ -88,7 +92,9 @@ fn controller_rows([p, pd]: [&ForceLoop; 2]) -> Result<Vec<Row>, PaperError> {
         let radius = model.spectral_radius(&model.gain(|i| k[i])).map_err(refused(WHAT))?;
         let what = format!("largest modulus of a pole, {what}");
         let row = Row::held_against("Table 8.5", what, radius, None, (Gate::Within(1e-6), known));
-        rows.push(row.conclusion_only("which two oscillate and which two do not is the paper's; it prints neither poles nor the proposed gains"));
+        rows.push(
+            row.conclusion_only("which two oscillate and which two do not is the paper's; it prints neither poles nor the proposed gains"),
+        );
     }
     let above = PROPOSED[1].min(PROPOSED[2]);
     let row = Row::new("Table 8.5", "smaller one of k2 and k3 of the proposed, against 16", above, Some(16.0), Gate::AtLeast(16.0));
