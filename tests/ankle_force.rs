@@ -3,18 +3,14 @@
 
 #![expect(non_snake_case, reason = "matrices carry the capital letters of the literature")]
 
-#[path = "mu/ankle.rs"]
-mod ankle;
-
-use ankle::{DT, K_D, PROPOSED, force_loop, jacobian, surroundings};
 use nalgebra::{DMatrix, DVector};
-use pkm_ctrl::design::force_loop::{Direction, DriveTrain, ForceLoop, Sampling, Weights};
+use pkm_ctrl::design::force_loop::{Direction, DriveTrain, ForceLoop, Sampling};
 use pkm_ctrl::design::margin::spectral_radius;
 use pkm_ctrl::design::schedule::{Sample, fit};
 use pkm_ctrl::force::gains::{Decoupling, Forward, Square, decoupling, directional, room};
-use pkm_ctrl::force::{ActuatorForce, ActuatorForceConfig, ForceLaw, GainCurve, LinearTask, PlatformTask, Task, TaskMap};
-use pkm_ctrl::{Controller, Input};
-use pkm_dyn::math;
+use pkm_ctrl::force::{GainCurve, LinearTask, PlatformTask, Task, TaskMap};
+use pkm_papers::mcdaid::ankle::{self, DT, K_D, PROPOSED, WEIGHTS, jacobian, surroundings};
+use pkm_papers::mcdaid::trial::{self, Errors, Foot, internal};
 use pkm_tests::Draw;
 
 fn diagonal(values: &[f64]) -> DMatrix<f64> {
@@ -25,11 +21,13 @@ fn matrix<const N: usize>(rows: &Square<N>) -> DMatrix<f64> {
     DMatrix::from_fn(N, N, |i, j| rows[i][j])
 }
 
+fn force_loop(t: [f64; 3], derivative: f64) -> ForceLoop {
+    ankle::force_loop(t, derivative).expect("a model")
+}
+
 /// The legs at an orientation as a task: forces of the environment are moments about the ankle.
 fn legs(t: [f64; 3]) -> LinearTask<4, 3> {
-    let J = jacobian(t);
-    let rows = core::array::from_fn(|i| core::array::from_fn(|k| J[(i, k)]));
-    LinearTask::try_new([0.0; 4], [0.0; 3], rows, [3, 4, 5]).expect("a Jacobian of full rank")
+    trial::legs(t).expect("a Jacobian of full rank")
 }
 
 // ---- the model
@@ -129,8 +127,7 @@ fn the_system_of_the_robustness_analysis_has_the_poles_of_the_loop() {
     let t = [0.1, -0.05, 0.2];
     let model = force_loop(t, K_D);
     let K = model.gain(|i| PROPOSED[i]);
-    let weights = Weights { inertia: 0.002, damping: 0.1, stiffness: 0.1 };
-    let pulled_out = model.uncertain(&K, &ankle::rotation(t), weights).expect("a system");
+    let pulled_out = model.uncertain(&K, &ankle::rotation(t), WEIGHTS).expect("a system");
     let found = spectral_radius(pulled_out.matrices()[0]);
     assert!((found - model.spectral_radius(&K).expect("a gain")).abs() < 1e-9, "{found}");
     // A stiffness that is a tenth larger is the full block 0.1·I closed around its channel: the same poles as a loop built with it.
@@ -277,97 +274,15 @@ fn a_task_of_the_robots_model_is_the_closed_form() {
 
 // ---- the controller in the loop
 
-/// Currents by [`ActuatorForce`] on the sampled model, Coulomb friction on the rods between samples of a tenth.
-struct Twin {
-    A: DMatrix<f64>,
-    B: DMatrix<f64>,
-    C: DMatrix<f64>,
-    x: DVector<f64>,
-    coulomb: f64,
-}
-
-/// Steps of the plant per control period.
-const FINE: usize = 20;
-
-impl Twin {
-    fn new(coulomb: f64) -> Self {
-        let plant = force_loop([0.0; 3], K_D).lagged().expect("a system");
-        let fine = pkm_ctrl::design::discretise::discretise(&plant, DT / FINE as f64, pkm_ctrl::design::discretise::Hold::ZeroOrder);
-        let fine = fine.expect("sampled");
-        let [A, B, C, _] = fine.matrices();
-        Self { A: A.clone(), B: B.clone(), C: C.clone(), x: DVector::zeros(26), coulomb }
-    }
-
-    fn force(&self) -> [f64; 4] {
-        let F = &self.C * &self.x;
-        core::array::from_fn(|k| F[k])
-    }
-
-    /// One control period under motor forces `tau` `[N]` and moments on the foot `[N·m]`.
-    fn step(&mut self, tau: &[f64; 4], moment: [f64; 3]) {
-        let mut u = DVector::zeros(11);
-        for _ in 0..FINE {
-            for k in 0..4 {
-                u[k] = tau[k] / DriveTrain::ANKLE.force_constant();
-                // The rods' speeds; friction comes in within a tenth of a millimetre per second.
-                u[4 + k] = self.coulomb * math::tanh(self.x[14 + k] / 1e-4);
-            }
-            moment.iter().enumerate().for_each(|(k, m)| u[8 + k] = *m);
-            self.x = &self.A * &self.x + &self.B * &u;
-        }
-    }
-}
-
-fn controller(k: [f64; 4]) -> ActuatorForce<4, 3, LinearTask<4, 3>> {
-    let inertia = core::array::from_fn(|i| core::array::from_fn(|j| surroundings().inertia[(i, j)]));
-    let law = ForceLaw::Directional { curves: [k[0], k[1], k[2]].map(GainCurve::constant), null: k[3] };
-    let config = ActuatorForceConfig { law, inertia, derivative: K_D, tau_limit: [2000.0; 4], dt: DT };
-    ActuatorForce::try_new(legs([0.0; 3]), config).expect("numbers in range")
-}
-
-struct Run {
-    /// Root mean square of the drives' force errors `[N]`.
-    force: [f64; 4],
-    /// Of the moments' errors `[N·m]`.
-    moment: [f64; 3],
-    /// Largest turn of the foot about x `[rad]`.
-    reach: f64,
-}
-
-/// Ten seconds of a foot that moves in all directions, most in flexion, while forces are commanded: `user` is the largest moment `[N·m]`,
-/// `pace` how fast it changes against one turn in two seconds.
-fn run(k: [f64; 4], commanded: [f64; 4], coulomb: f64, [user, pace]: [f64; 2]) -> Run {
-    let (controller, mut twin, J) = (controller(k), Twin::new(coulomb), jacobian([0.0; 3]));
-    let mut state = controller.at_rest();
-    let (mut force, mut moment, mut reach, mut count) = ([0.0; 4], [0.0; 3], 0.0_f64, 0.0);
-    for k in 0..5000 {
-        let t = DT * f64::from(k);
-        let p = pace * t;
-        let push = [math::sin(3.0 * p), 0.4 * math::sin(4.1 * p + 0.5), 0.3 * math::sin(2.3 * p + 1.0)].map(|m| user * m);
-        let measured = twin.force();
-        // Brought in slowly: a step of all of it would ask for more than the drives have.
-        let commanded = commanded.map(|f| f * (t / 1.5).min(1.0));
-        let input = Input { tau_meas: measured, tau_ff: commanded, ..Input::standing([0.0; 4], DT) };
-        let command = controller.step(&mut state, &input);
-        assert!(!command.health.is_faulted && !command.health.is_saturated, "{command:?} at {t}, forces {measured:?}");
-        twin.step(&command.tau, push);
-        if t > 2.0 {
-            let error = DVector::from_fn(4, |i, _| measured[i] - commanded[i]);
-            let along = J.transpose() * &error;
-            (0..4).for_each(|i| force[i] += error[i] * error[i]);
-            (0..3).for_each(|i| moment[i] += along[i] * along[i]);
-            reach = reach.max(twin.x[0].abs());
-            count += 1.0;
-        }
-    }
-    let rms = |sum: f64| math::sqrt(sum / count);
-    Run { force: force.map(rms), moment: moment.map(rms), reach }
+/// Ten seconds under gains `k`: commanded forces and friction of the rods `[N]`, the foot's largest moment `[N·m]` and its pace.
+fn run(k: [f64; 4], commanded: [f64; 4], coulomb: f64, [moment, pace]: [f64; 2]) -> Errors {
+    trial::try_out(k, commanded, coulomb, Foot { moment, pace }).expect("a loop within its limits")
 }
 
 /// Acceptance 6: back-driving with commanded internal force only, uniform 5 against the proposed gains.
 #[test]
 fn the_proposed_gains_let_the_foot_move_the_robot_with_smaller_force_errors() {
-    let internal = drawn_internal(60.0);
+    let internal = internal(60.0).expect("a direction");
     let uniform = run([5.0; 4], internal, 20.0, [5.0, 1.0]);
     let proposed = run(PROPOSED, internal, 20.0, [5.0, 1.0]);
     println!("uniform 5: {:.2?} N, {:.3?} N·m, reach {:.3} rad", uniform.force, uniform.moment, uniform.reach);
@@ -380,22 +295,13 @@ fn the_proposed_gains_let_the_foot_move_the_robot_with_smaller_force_errors() {
     assert!(proposed.reach > uniform.reach, "the robot is easier to move");
 }
 
-/// Forces of `size` `[N]` along the direction that moves nothing.
-fn drawn_internal(size: f64) -> [f64; 4] {
-    let J = jacobian([0.0; 3]);
-    let pinv = J.clone().pseudo_inverse(1e-12).expect("a Jacobian");
-    let null = DMatrix::<f64>::identity(4, 4) - J * pinv;
-    let v0 = null.column(0).normalize();
-    core::array::from_fn(|k| size * v0[k])
-}
-
 /// Acceptance 7: a commanded moment is held while the foot moves slowly. What friction leaves of it does not depend on the moment.
 #[test]
 fn the_moment_error_is_the_same_at_every_commanded_moment_and_friction_has_a_share_in_it() {
     let pinv = jacobian([0.0; 3]).pseudo_inverse(1e-12).expect("a Jacobian");
     let error = |level: f64, coulomb: f64| {
         let F = pinv.transpose() * DVector::from_vec(vec![level, 0.0, 0.0]);
-        let internal = drawn_internal(60.0);
+        let internal = internal(60.0).expect("a direction");
         run(PROPOSED, core::array::from_fn(|k| internal[k] + F[k]), coulomb, [6.0, 0.1]).moment[0]
     };
     let errors = [4.0, 8.0, 12.0].map(|level| error(level, 20.0));

@@ -1,61 +1,32 @@
 //! Armas et al.: the 3UPS+1RPU in its final and its starting geometry.
 
-use nalgebra::{DMatrix, Matrix4, Vector3};
+use nalgebra::{DMatrix, Matrix4};
 use pkm_dyn::inverse_dynamics::inverse_dynamics;
 use pkm_dyn::spatial::Pose;
 use pkm_dyn::{Data, Model, math};
 use pkm_ident::base::{States as Kind, base_parameters};
+use pkm_papers::armas::geometry::{ACCELERATION, POSE, RATE, Table1};
 use pkm_tests::{Draw, derivative_of_vector};
 
 use crate::stack::{Rank, Stack, States, beside, rank, stack};
 use crate::{assert_near, closed_at, coordinate, driven_by, pose_of, shipped};
 
-/// Table 1: radii and angles of the joints on base and platform, and the hinge of leg 4.
-struct Table1 {
-    base: [[f64; 2]; 3],
-    platform: [[f64; 2]; 3],
-    ds: f64,
-}
-
-/// The table's angles run from x to leg 2 and, downwards, to leg 3; leg 1 is at 180 degrees.
-fn table_1(r: f64, r_m: f64, ds: f64, degrees: [f64; 4]) -> Table1 {
-    let at = |radius: f64, degrees: f64| {
-        let (s, c) = math::sin_cos(degrees.to_radians());
-        [radius * c, radius * s]
-    };
-    let [fd, fi, md, mi] = degrees;
-    Table1 { base: [[-r, 0.0], at(r, fd), at(r, -fi)], platform: [[-r_m, 0.0], at(r_m, md), at(r_m, -mi)], ds }
-}
-
 fn last() -> Table1 {
-    table_1(0.4, 0.3, 0.15, [90.0, 45.0, 50.0, 90.0])
+    Table1::last()
 }
 
 fn first() -> Table1 {
-    table_1(0.4, 0.2, 0.0, [50.0, 40.0, 40.0, 30.0])
+    Table1::first()
 }
 
 // ---- position
 
-/// Equations (4) to (9) solved for the legs: two angles and the length of each outer leg, then q41 and q42, for x = (X, Z, theta, psi).
-fn inverse_kinematics(g: &Table1, [x, z, theta, psi]: [f64; 4]) -> [f64; 11] {
-    let turn = Pose::from_xyz_rpy([0.0; 3], [0.0, theta, 0.0]).rotation * Pose::from_xyz_rpy([0.0; 3], [0.0, 0.0, psi]).rotation;
-    let mut q = [0.0; 11];
-    for leg in 0..3 {
-        let ([px, py], [bx, by]) = (g.platform[leg], g.base[leg]);
-        let l = Vector3::new(x, 0.0, z) + turn * Vector3::new(px, py, 0.0) - Vector3::new(bx, by, 0.0);
-        let length = l.norm();
-        q[3 * leg..3 * leg + 3].copy_from_slice(&[math::atan2(l.z, l.x), math::asin(l.y / length), length]);
-    }
-    // DIFFERENCE (10) has no ds; it holds for the starting geometry alone. The text writes q44 for q42.
-    q[9] = math::atan2(z, x - g.ds);
-    q[10] = math::hypot(x - g.ds, z);
-    q
+fn inverse_kinematics(g: &Table1, pose: [f64; 4]) -> [f64; 11] {
+    g.inverse_kinematics(pose)
 }
 
-fn lengths(g: &Table1, x: [f64; 4]) -> [f64; 4] {
-    let q = inverse_kinematics(g, x);
-    [q[2], q[5], q[8], q[10]]
+fn lengths(g: &Table1, pose: [f64; 4]) -> [f64; 4] {
+    g.lengths(pose)
 }
 
 /// Home pose of a shipped geometry, where every angle of the model reads zero.
@@ -76,10 +47,6 @@ fn paper_coordinates(model: &Model, data: &Data, g: &Table1) -> [f64; 11] {
     let names = ["q11", "q12", "q13", "q21", "q22", "q23", "q31", "q32", "q33", "q41", "q42"];
     core::array::from_fn(|k| coordinate(model, data, names[k]) + if matches!(k, 2 | 5 | 8 | 10) { 0.0 } else { at_home[k] })
 }
-
-const POSE: [f64; 4] = [0.05, 0.65, 0.10, -0.05];
-const RATE: [f64; 4] = [0.05, -0.03, 0.2, 0.1];
-const ACCELERATION: [f64; 4] = [0.4, -0.2, 0.5, -0.3];
 
 const POSE_Q: [f64; 11] = [
     1.351_034_271,
@@ -128,9 +95,9 @@ fn lengths_of_model(name: &str, g: &Table1, pose: [f64; 4]) -> [f64; 4] {
     let model = shipped(name);
     let inverse = driven_by(&model, &["q41", "q42", "q43", "q44"]);
     let centre = home(&model);
-    let tilt = |p: &[f64; 4]| math::atan2(p[0] - g.ds, p[1]);
+    let tilt = |p: &[f64; 4]| math::atan2(p[0] - g.hinge(), p[1]);
     let q41 = tilt(&centre) - tilt(&pose);
-    let chain = [q41, math::hypot(pose[0] - g.ds, pose[1]), pose[2] - centre[2] + q41, pose[3] - centre[3]];
+    let chain = [q41, math::hypot(pose[0] - g.hinge(), pose[1]), pose[2] - centre[2] + q41, pose[3] - centre[3]];
     let mut data = Data::new(&inverse);
     closed_at(&inverse, &mut data, &chain);
     ["q13", "q23", "q33", "q42"].map(|q| coordinate(&inverse, &data, q))
@@ -156,7 +123,7 @@ fn limits_31_are_lengths_of_the_starting_geometry() {
 #[test]
 fn section_2_2_prints_lengths_of_a_smaller_base() {
     let pose = [0.0, 0.2, 0.0, 0.0];
-    let smaller = table_1(0.3, 0.2, 0.0, [50.0, 40.0, 40.0, 30.0]);
+    let smaller = Table1::new([0.3, 0.2, 0.0], [50.0, 40.0, 40.0, 30.0]);
     assert_near(&lengths(&smaller, pose), &[0.223_606_797_7, 0.227_646_809_0, 0.227_646_808_9, 0.2], 2e-10);
     assert_near(&lengths_of_model("ups3_rpu1_start", &first(), pose), &[0.282_843, 0.287_108, 0.287_108, 0.2], 6e-7);
 }

@@ -6,10 +6,12 @@
 //! Not in here: files, printing, clocks. The same rows come out on every run.
 
 pub mod arceo2021;
-mod armas;
+pub mod armas;
 mod chance;
+mod draw;
 mod error;
-mod mcdaid;
+pub mod mcdaid;
+mod refused;
 mod robot;
 mod row;
 mod series;
