@@ -8,7 +8,6 @@
 pub mod arceo2021;
 pub mod armas;
 mod chance;
-mod draw;
 mod error;
 pub mod mcdaid;
 mod refused;

@@ -9,7 +9,7 @@ use pkm_dyn::spatial::Pose;
 use pkm_dyn::{Data, Model};
 use pkm_ident::base::{RANK_TOLERANCE, States, base_parameters};
 
-use crate::draw::Draw;
+use crate::chance::Chance;
 use crate::error::PaperError;
 use crate::refused::refused;
 use crate::robot::{closed, shipped};
@@ -63,7 +63,7 @@ fn equation_18(model: &Model) -> Result<DMatrix<f64>, PaperError> {
         let frame = if name == "cylinder4" { turned } else { Pose::identity() };
         links.push((link.body.ok_or_else(missing)?, InertialParameters::transform_matrix(&link.pose.compose(&frame))));
     }
-    let (mut draw, mut data) = (Draw::new(1), Data::new(model));
+    let (mut draw, mut data) = (Chance::new(1), Data::new(model));
     closed(&assemble(model, &mut data), WHAT)?;
     let home = data.q.clone();
     for state in 0..CHAIN_STATES {
@@ -132,7 +132,7 @@ pub(super) fn rows() -> Result<Vec<Row>, PaperError> {
     let structural = "by structure, three masses of rods and one of leg 4 move to the platform: 55 - 4. The printed 34 is how many a motion \
                       shows well, with a tolerance that is not stated";
     let count = |model: &Model, kind, seed| {
-        let mut draw = Draw::new(seed);
+        let mut draw = Chance::new(seed);
         base_parameters(model, kind, STATES, &mut || draw.unit()).map_err(refused(WHAT))
     };
     let moving = count(&model, States::Moving, 1)?;

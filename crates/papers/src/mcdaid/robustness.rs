@@ -8,7 +8,7 @@ use pkm_ctrl::design::mu::{Block, Guarantee, Response, Settings, StateSpace, Str
 use pkm_dyn::math;
 
 use super::ankle::{DT, PROPOSED, structure, uncertain_loop};
-use crate::draw::Draw;
+use crate::chance::Chance;
 use crate::error::PaperError;
 use crate::refused::refused;
 use crate::row::{Gate, Line, Plot, Row};
@@ -152,7 +152,7 @@ fn orientation_rows(structure: &Structure, progress: &mut dyn FnMut(f64)) -> Res
 }
 
 /// A full block of size one.
-fn full(draw: &mut Draw) -> DMatrix<f64> {
+fn full(draw: &mut Chance) -> DMatrix<f64> {
     let X = DMatrix::from_fn(3, 3, |_, _| draw.signed());
     let size = X.singular_values().max().max(f64::MIN_POSITIVE);
     X / size
@@ -161,7 +161,7 @@ fn full(draw: &mut Draw) -> DMatrix<f64> {
 /// Largest modulus of a pole over random perturbations on the edge of what is admitted.
 fn drawn_row(system: &StateSpace) -> Result<Row, PaperError> {
     let [A, B, C, D] = system.matrices();
-    let mut draw = Draw::new(8);
+    let mut draw = Chance::new(8);
     let mut worst = 0.0_f64;
     for _ in 0..DRAWN {
         let mut delta = DMatrix::zeros(9, 9);
