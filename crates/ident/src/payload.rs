@@ -66,13 +66,13 @@ pub fn payload(robot: &Robot, recordings: &[Recording], link: &str, rows: RowOpt
     let usable: Vec<bool> = (0..factors.n_drives()).map(|k| factors.drive(k).count() > 0).collect();
     let size = |k: usize| 1.0 / (factors.drive(k).effort_square() / factors.drive(k).count().max(1) as f64).sqrt().max(f64::MIN_POSITIVE);
     let even: Vec<f64> = (0..usable.len()).map(|k| if usable[k] { size(k) } else { 0.0 }).collect();
-    let Some(set) = BaseSet::new(&factors.weighted(&even, &|_| true).triangle(), &own, TOLERANCE, Choice::BestConditioned) else {
+    let Some(set) = BaseSet::new(&factors.weighted(&even).triangle(), &own, TOLERANCE, Choice::BestConditioned) else {
         let body = InertialParameters::default();
         return Ok(Payload { status: Status::NotIdentified, notes: vec![Note::NoMotion], body, shown: Vec::new() });
     };
     let noise = drive_noise(&factors, &set.kept, &usable);
     let weights: Vec<f64> = noise.iter().map(|s| 1.0 / s).collect();
-    let all: Factor = factors.weighted(&weights, &|_| true);
+    let all: Factor = factors.weighted(&weights);
     let triangle = all.triangle();
     let values = least_squares::ordinary(&triangle, &set.kept);
     let shown = shown(&observation, &set, &values, &noise)?;

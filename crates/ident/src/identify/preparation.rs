@@ -59,7 +59,7 @@ fn lateness(robot: &Robot, fit: &[Recording], most: f64, settings: &Settings) ->
             if d.effort_square() > 0.0 { (d.count() as f64 / d.effort_square()).sqrt() } else { 0.0 }
         };
         let weights: Vec<f64> = (0..factors.n_drives()).map(weight).collect();
-        let triangle = factors.weighted(&weights, &|_| true).triangle();
+        let triangle = factors.weighted(&weights).triangle();
         let kept = independent(&triangle);
         let theta = scatter(&least_squares::ordinary(&triangle, &kept), &kept, factors.n_columns());
         Ok(squared_error(&triangle, &theta))
