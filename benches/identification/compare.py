@@ -196,7 +196,7 @@ def main(folder, table, rounds):
     assert list(model.names)[1:] == robot.actuators, "one chain, in the same order"
     data = model.createData()
     train, test = recordings(robot)
-    nominal = np.concatenate([robot.parameters(), robot.armature, np.zeros(18)])
+    nominal = np.concatenate([robot.parameters(), robot.armature, model.damping, model.upperDryFrictionLimit, np.zeros(6)])
 
     q, v, a, tau, dt = motion(train, robot.actuators)
     (ours, theirs), (y, y_pin) = best(rounds, [lambda: robot.regressor(q, v, a), lambda: pinocchio_loop(model, data, q, v, a)])

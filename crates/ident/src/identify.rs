@@ -1,7 +1,7 @@
 //! From recordings and a nominal robot to parameters, with everything needed to judge them.
 
 mod instrumental;
-mod preparation;
+pub(crate) mod preparation;
 
 use faer::Mat;
 use pkm_dyn::effects::Robot;

@@ -33,6 +33,8 @@ const WIDE: f64 = 0.5;
 /// A payload.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Payload {
+    /// The link it rides on.
+    pub link: String,
     /// Whether it may be used.
     pub status: Status,
     /// What speaks against it.
@@ -68,7 +70,8 @@ pub fn payload(robot: &Robot, recordings: &[Recording], link: &str, rows: RowOpt
     let even: Vec<f64> = (0..usable.len()).map(|k| if usable[k] { size(k) } else { 0.0 }).collect();
     let Some(set) = BaseSet::new(&factors.weighted(&even).triangle(), &own, TOLERANCE, Choice::BestConditioned) else {
         let body = InertialParameters::default();
-        return Ok(Payload { status: Status::NotIdentified, notes: vec![Note::NoMotion], body, shown: Vec::new() });
+        let link = link.to_string();
+        return Ok(Payload { link, status: Status::NotIdentified, notes: vec![Note::NoMotion], body, shown: Vec::new() });
     };
     let noise = drive_noise(&factors, &set.kept, &usable);
     let weights: Vec<f64> = noise.iter().map(|s| 1.0 / s).collect();
@@ -87,7 +90,7 @@ pub fn payload(robot: &Robot, recordings: &[Recording], link: &str, rows: RowOpt
     if outcome == Outcome::Failed {
         notes.push(Note::Solver { outcome: "failed", iterations });
     }
-    Ok(Payload { status: Note::worst(&notes), notes, body, shown })
+    Ok(Payload { link: link.to_string(), status: Note::worst(&notes), notes, body, shown })
 }
 
 /// The combinations that the motion shows, with intervals.
