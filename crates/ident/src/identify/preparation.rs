@@ -15,14 +15,14 @@ use crate::preprocess::{Clock, Done, prepared, shifted};
 use crate::shapes::independent;
 
 /// Recordings after preprocessing, and what was done.
-pub(super) struct Prepared {
-    pub(super) fit: Vec<Recording>,
-    pub(super) holdout: Vec<Recording>,
-    pub(super) done: Vec<Done>,
+pub(crate) struct Prepared {
+    pub(crate) fit: Vec<Recording>,
+    pub(crate) holdout: Vec<Recording>,
+    pub(crate) done: Vec<Done>,
 }
 
 impl Prepared {
-    pub(super) fn of(robot: &Robot, [fit, holdout]: [&[Recording]; 2], settings: &Settings) -> Result<Self, InputError> {
+    pub(crate) fn of(robot: &Robot, [fit, holdout]: [&[Recording]; 2], settings: &Settings) -> Result<Self, InputError> {
         let mut done = Vec::new();
         let mut each = |list: &[Recording]| -> Result<Vec<Recording>, InputError> {
             let mut out = Vec::new();

@@ -87,6 +87,38 @@ fn preprocessing_and_instruments_are_told_in_words_json_and_page() {
 }
 
 #[test]
+fn gains_and_a_payload_are_told_in_words_json_and_page() {
+    let folder = rig();
+    let simulate = |out: &str, seed: &str, more: &[&str]| {
+        prints(
+            folder.path(),
+            &[&["simulate", "rig.toml", "--out", out, "--seed", seed, "--duration", "12", "--rate", "500"], more].concat(),
+        );
+    };
+    simulate("free.csv", "1", &[]);
+    simulate("heavy.csv", "2", &["--hide", "payload@hand:mass=1"]);
+    let heavy = fs::read_to_string(folder.path().join("heavy.csv")).unwrap();
+    fs::write(folder.path().join("weighed.csv"), format!("# load = {{link = \"hand\", mass = 1.0, xyz = [0, 0, 0]}}\n{heavy}")).unwrap();
+    let json = || -> Value { serde_json::from_str(&fs::read_to_string(folder.path().join("out.json")).unwrap()).unwrap() };
+    let page = || fs::read_to_string(folder.path().join("out.html")).unwrap();
+    let outputs = ["--json", "out.json", "--html", "out.html"];
+    let weighed = ["identify", "rig.toml", "--recording", "free.csv", "--recording", "weighed.csv", "--gains"];
+    let said = prints(folder.path(), &[&weighed[..], &outputs].concat());
+    assert!(said.contains("Gains of the drives") && page().contains("acting over recorded effort"), "{said}");
+    for drive in json()["gains"]["drives"].as_array().unwrap() {
+        assert!((drive["gain"].as_f64().unwrap() - 1.0).abs() < 0.1, "{drive}");
+    }
+    let held = ["identify", "rig.toml", "--recording", "heavy.csv", "--payload", "hand", "--gains"];
+    let said = prints(folder.path(), &[&held[..], &outputs].concat());
+    assert!(said.contains("Payload on hand") && said.contains("none of 1 recordings states a load"), "{said}");
+    assert!(page().contains("On hand:") && json()["gains"]["status"] == "not_identified");
+    let mass = json()["payload"]["body"]["mass"].as_f64().unwrap();
+    assert!((mass - 1.0).abs() < 0.15, "{mass} kg");
+    let nowhere = ["identify", "rig.toml", "--recording", "heavy.csv", "--payload", "tail"];
+    refused(folder.path(), &nowhere, &["heavy.csv", "no link \"tail\""]);
+}
+
+#[test]
 fn bad_usage_is_one_line() {
     let folder = rig_with_recordings();
     let with = |more: &[&'static str]| [&ARGUMENTS[..], more].concat();
