@@ -4,7 +4,7 @@ use alloc::collections::BTreeMap;
 use alloc::sync::Arc;
 use std::path::PathBuf;
 
-use numpy::{PyArray1, PyArray2, PyArray3};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pkm_dyn::effects::{Applied, CATALOGUE, Energy, Entry, Robot as Physics};
 use pkm_dyn::jacobian::Reference;
 use pkm_dyn::model::{FrameOnBody, JointKind, Model};
@@ -339,8 +339,13 @@ impl Robot {
         a: ArrayLike<'py>,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (driven, model) = (self.driven([&q, &v, &a])?, self.model());
-        let all = py.detach(|| motion::actuated_regressors(model, &driven))?;
-        matrices(py, all, [driven.len(), self.independent().len(), 10 * model.nv()])
+        // numpy's own memory: it asks for large pages.
+        let out = PyArray3::zeros(py, [driven.len(), self.independent().len(), 10 * model.nv()], false);
+        let mut writable = out.try_readwrite()?;
+        let values = writable.as_slice_mut()?;
+        py.detach(|| motion::actuated_regressors(model, &driven, values))?;
+        drop(writable);
+        Ok(out)
     }
 
     /// Generalized efforts of the spanning tree `[N | N·m]`, shape `(n_samples, nv)`: rigid bodies and rotor inertia, loops open.

@@ -1,5 +1,9 @@
 //! The algorithms of `pkm-dyn` sample by sample.
 
+use core::ops::Range;
+use std::thread;
+
+use nalgebra::DMatrix;
 use pkm_dyn::constrained::reduced_mass_matrix;
 use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, friction_regressor, rigid_effort};
 use pkm_dyn::loops::{Closure, assemble, walk_to};
@@ -13,6 +17,9 @@ use crate::mechanics::{push_loop_efforts, push_rows};
 /// A drive that moves farther than this between two samples `[m | rad]` is walked there in small parts: over a long way one Newton
 /// jump can land on another assembly of the same loops.
 const FAR: f64 = 0.05;
+
+/// Samples that are worth a thread.
+const LEAST_SAMPLES: usize = 2048;
 
 /// Loops that do not close, and at which sample.
 pub(crate) struct Open {
@@ -49,9 +56,14 @@ pub(crate) fn assembled(model: &Model) -> Result<Data, Open> {
 }
 
 /// Calls `each` after the tree motion of every sample is in the data.
-fn along(model: &Model, motion: &Motion, mut each: impl FnMut(&mut Data)) -> Result<(), Open> {
+fn along(model: &Model, motion: &Motion, each: impl FnMut(&mut Data)) -> Result<(), Open> {
+    along_part(model, motion, 0..motion.len(), each)
+}
+
+/// The same for some of the samples.
+fn along_part(model: &Model, motion: &Motion, samples: Range<usize>, mut each: impl FnMut(&mut Data)) -> Result<(), Open> {
     let mut data = assembled(model)?;
-    for i in 0..motion.len() {
+    for i in samples {
         let q = motion.q.row(i);
         let is_far = model.actuators.iter().zip(q).any(|(&j, q)| (q - data.q[j]).abs() > FAR);
         if is_far {
@@ -80,11 +92,41 @@ pub(crate) fn inverse_dynamics(model: &Model, motion: &Motion) -> Result<Vec<f64
     Ok(out)
 }
 
-/// Regressors of the independent coordinates, `n_samples × independent × 10·bodies`.
-pub(crate) fn actuated_regressors(model: &Model, motion: &Motion) -> Result<Vec<f64>, Open> {
-    let mut out = Vec::new();
-    along(model, motion, |data| push_rows(&mut out, actuated_regressor(model, data)))?;
-    Ok(out)
+/// Regressors of the independent coordinates, `n_samples × independent × 10·bodies`, into `out`.
+///
+/// Without loops no sample depends on the one before it, and every processor takes a part of them.
+pub(crate) fn actuated_regressors(model: &Model, motion: &Motion, out: &mut [f64]) -> Result<(), Open> {
+    let size = out.len() / motion.len().max(1);
+    let part = |from: usize, out: &mut [f64]| {
+        let mut rows = out.chunks_exact_mut(size.max(1));
+        along_part(model, motion, from..from + rows.len(), |data| {
+            let all = actuated_regressor(model, data);
+            if let Some(out) = rows.next() {
+                copy_rows(out, all);
+            }
+        })
+    };
+    let is_tree = model.passive().is_empty();
+    let parts = if is_tree { thread::available_parallelism().map_or(1, usize::from).min(motion.len() / LEAST_SAMPLES) } else { 1 };
+    if parts < 2 {
+        return part(0, out);
+    }
+    let samples = motion.len().div_ceil(parts);
+    thread::scope(|scope| {
+        let started: Vec<_> =
+            out.chunks_mut(samples * size).enumerate().map(|(k, out)| scope.spawn(move || part(k * samples, out))).collect();
+        started.into_iter().try_for_each(|thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    })
+}
+
+/// A matrix row by row into `out`.
+fn copy_rows(out: &mut [f64], matrix: &DMatrix<f64>) {
+    let n = matrix.ncols();
+    for (j, column) in matrix.column_iter().enumerate() {
+        for (i, x) in column.iter().enumerate() {
+            out[i * n + j] = *x;
+        }
+    }
 }
 
 /// Columns of rotor inertia, viscous and Coulomb friction, `n_samples × independent × 3·nv`.

@@ -17,6 +17,7 @@ cargo xtask long              the long tier: PKM_LONG=1, tables into docs/result
 cargo xtask bench [ARGS ...]  the benches; arguments go to criterion (`-- --quick`, a name)
 cargo xtask peers [ARGS ...]  pkm-dyn and Pinocchio's C++ in one run, into benches/README.md (`--rounds N`)
 cargo xtask slicot [N]        μ beside SLICOT's AB13MD on N problems in one run, into benches/README.md
+cargo xtask identify-peers [N]  identification beside Pinocchio, scipy and cvxpy, best of N rounds, into benches/README.md
 cargo xtask wheel             the Python wheel, optimised, into target/wheels/
 cargo xtask golden            the golden files of tests/, anew, with Pinocchio
 
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
         Some("bench") => chores::bench(&rest),
         Some("peers") => peers::peers(&rest),
         Some("slicot") => peers::slicot(&rest),
+        Some("identify-peers") => peers::identify(&rest),
         Some("long") => none(&rest).and_then(|()| chores::long()),
         Some("wheel") => none(&rest).and_then(|()| chores::wheel()),
         Some("golden") => none(&rest).and_then(|()| chores::golden()),

@@ -1,4 +1,4 @@
-//! `cargo xtask peers` and `cargo xtask slicot`: this project and others measured in one run, and the table in benches/README.md
+//! `cargo xtask peers`, `cargo xtask slicot` and `cargo xtask identify-peers`: this project and others measured in one run, and the table in benches/README.md
 //! written anew.
 
 use std::fs;
@@ -26,6 +26,9 @@ const COLUMNS: [(&str, &[&str]); 2] = [("Pinocchio", &[]), ("Pinocchio, -march=n
 /// The other side of μ.
 const SLYCOT: &str = "slycot==0.7.1";
 
+/// The other sides of identification.
+const IDENTIFIERS: [&str; 6] = [PINOCCHIO, "numpy", "scipy==1.17.1", "cvxpy==1.9.3", "clarabel==0.11.1", "figaroh==1.0.2"];
+
 /// A table of benches/README.md stands between a mark that names its command and this one.
 const END: &str = "<!-- end -->";
 
@@ -52,14 +55,31 @@ pub(crate) fn peers(rest: &[&str]) -> Result<(), String> {
 /// Builds and installs the wheel, optimised, runs it beside SLICOT, and writes the table; an argument is the number of problems.
 pub(crate) fn slicot(rest: &[&str]) -> Result<(), String> {
     let n = rest.first().copied().unwrap_or("2000");
-    let programs = python::environment()?;
-    let wheel = python::build(&programs, &["--release", "--auditwheel", "skip"])?.display().to_string();
-    python::install(&programs, &["--force-reinstall", "--no-deps", &wheel])?;
-    python::install(&programs, &[SLYCOT, "numpy"])?;
+    let programs = installed(&[SLYCOT, "numpy"])?;
     let table = target().join("slicot.md");
     python::python(&programs, &["tests/golden/slicot/ab13md.py", "compare", n, &table.display().to_string()])?;
     let text = fs::read_to_string(&table).map_err(|e| format!("{}: {e}", table.display()))?;
     publish("slicot", &format!("{}\n\n{text}", head(SLYCOT, "wheels called from Python, not pinned, ordinary scheduler")))
+}
+
+/// Builds and installs the wheel, optimised, identifies an arm with it and with its peers, and writes the table; an argument is the
+/// number of rounds.
+pub(crate) fn identify(rest: &[&str]) -> Result<(), String> {
+    let rounds = rest.first().copied().unwrap_or("3");
+    let programs = installed(&IDENTIFIERS)?;
+    let table = target().join("identify.md");
+    python::python(&programs, &["benches/identification/compare.py", "robots/serial_arm", &table.display().to_string(), rounds])?;
+    let text = fs::read_to_string(&table).map_err(|e| format!("{}: {e}", table.display()))?;
+    publish("identify-peers", &format!("{}\n\n{text}", head(&IDENTIFIERS.join(", "), "not pinned, ordinary scheduler")))
+}
+
+/// The environment with the wheel, optimised, and with packages.
+fn installed(packages: &[&str]) -> Result<PathBuf, String> {
+    let programs = python::environment()?;
+    let wheel = python::build(&programs, &["--release", "--auditwheel", "skip"])?.display().to_string();
+    python::install(&programs, &["--force-reinstall", "--no-deps", &wheel])?;
+    python::install(&programs, packages)?;
+    Ok(programs)
 }
 
 fn compiler() -> String {

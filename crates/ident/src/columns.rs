@@ -250,9 +250,13 @@ impl Columns {
         let mut load = vec![0.0; if self.laws.is_empty() { 0 } else { n_act }];
         for (l, (body, to_body)) in self.bodies.iter().enumerate() {
             for k in 0..n_act {
+                let own = data.regressor.view((k, body * N_INERTIAL), (1, N_INERTIAL));
+                if own.iter().all(|x| x.abs() <= 0.0) {
+                    continue;
+                }
                 for c in 0..N_INERTIAL {
                     // Columns are per body about the body's frame; a link fixed at an offset needs them about its own.
-                    let sum: f64 = (0..N_INERTIAL).map(|b| data.regressor[(k, body * N_INERTIAL + b)] * to_body[(b, c)]).sum();
+                    let sum: f64 = own.iter().enumerate().map(|(b, x)| x * to_body[(b, c)]).sum();
                     put(k, l * N_INERTIAL + c, sum);
                     if let Some(load) = load.get_mut(k) {
                         *load += sum * self.list[l * N_INERTIAL + c].nominal;

@@ -69,6 +69,9 @@ impl Factor {
     /// The factor, `p + 1` square and upper triangular; its last column belongs to the target.
     #[must_use]
     pub fn triangle(&self) -> Mat<f64> {
+        if self.filled == self.p + 1 {
+            return self.rows.subrows(0, self.filled).to_owned();
+        }
         let mut copy = self.clone();
         copy.reflect();
         copy.rows.subrows(0, self.p + 1).to_owned()
@@ -123,8 +126,10 @@ pub(crate) fn squared_error(triangle: &Mat<f64>, theta: &[f64]) -> f64 {
 /// Factors by drive and fold.
 #[derive(Debug, Clone)]
 pub struct Factors {
-    /// [drive][fold].
+    /// [drive][fold], reflected.
     parts: Vec<Vec<Factor>>,
+    /// By drive, all folds: most questions are about these.
+    drives: Vec<Factor>,
     p: usize,
 }
 
@@ -148,7 +153,8 @@ impl Factors {
             },
             progress,
         )?;
-        Ok(Self { parts, p })
+        parts.iter_mut().flatten().for_each(Factor::reflect);
+        Ok(Self { drives: parts.iter().map(|folds| joined(folds, p)).collect(), parts, p })
     }
 
     /// Number of parameters.
@@ -167,8 +173,7 @@ impl Factors {
     #[must_use]
     pub fn less(&self, known: &[f64]) -> Self {
         let mut out = self.clone();
-        for part in out.parts.iter_mut().flatten().filter(|part| part.count > 0) {
-            part.reflect();
+        for part in out.parts.iter_mut().flatten().chain(&mut out.drives).filter(|part| part.count > 0) {
             for i in 0..part.p {
                 let effort: f64 = (i..part.p).map(|c| part.rows[(i, c)] * known[c]).sum();
                 part.rows[(i, part.p)] -= effort;
@@ -186,31 +191,39 @@ impl Factors {
 
     /// All rows of one drive.
     #[must_use]
-    pub fn drive(&self, k: usize) -> Factor {
-        self.drive_where(k, &|_| true)
+    pub fn drive(&self, k: usize) -> &Factor {
+        &self.drives[k]
     }
 
-    /// Rows of one drive in the folds that are `wanted`.
+    /// All rows of all drives, each drive's multiplied by its weight.
     #[must_use]
-    pub fn drive_where(&self, k: usize, wanted: &dyn Fn(usize) -> bool) -> Factor {
+    pub fn weighted(&self, weights: &[f64]) -> Factor {
         let mut out = Factor::new(self.p);
-        for (_, part) in self.parts[k].iter().enumerate().filter(|(f, part)| part.count() > 0 && wanted(*f)) {
-            out.absorb(part, 1.0);
+        for (drive, w) in self.drives.iter().zip(weights).filter(|(drive, _)| drive.count() > 0) {
+            out.absorb(drive, *w);
         }
         out
     }
 
-    /// Rows of all drives, each drive's multiplied by its weight.
+    /// The same of the folds that are `wanted`.
     #[must_use]
-    pub fn weighted(&self, weights: &[f64], wanted: &dyn Fn(usize) -> bool) -> Factor {
+    pub fn weighted_where(&self, weights: &[f64], wanted: &dyn Fn(usize) -> bool) -> Factor {
         let mut out = Factor::new(self.p);
-        for (k, w) in weights.iter().enumerate() {
-            for (_, part) in self.parts[k].iter().enumerate().filter(|(f, part)| part.count() > 0 && wanted(*f)) {
+        for (folds, w) in self.parts.iter().zip(weights) {
+            for (_, part) in folds.iter().enumerate().filter(|(f, part)| part.count() > 0 && wanted(*f)) {
                 out.absorb(part, *w);
             }
         }
         out
     }
+}
+
+/// All rows of several factors of `p` parameters, reflected.
+fn joined(parts: &[Factor], p: usize) -> Factor {
+    let mut out = Factor::new(p);
+    parts.iter().filter(|part| part.count() > 0).for_each(|part| out.absorb(part, 1.0));
+    out.reflect();
+    out
 }
 
 #[cfg(test)]

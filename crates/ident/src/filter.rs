@@ -48,38 +48,56 @@ impl LowPass {
     /// The filtered signal, as long as `x`; ends are extended by odd reflection.
     #[must_use]
     pub fn apply(&self, x: &[f64]) -> Vec<f64> {
-        let n = x.len();
+        self.apply_each([x]).into_iter().map(|[y]| y).collect()
+    }
+
+    /// Signals of one length filtered side by side, sample by sample; each comes out as by [`Self::apply`], to the bit.
+    ///
+    /// A section waits for its own last output, so several at once take hardly longer than one.
+    ///
+    /// # Panics
+    /// With signals of different lengths.
+    #[must_use]
+    pub fn apply_each<const N: usize>(&self, x: [&[f64]; N]) -> Vec<[f64; N]> {
+        let n = x.first().map_or(0, |x| x.len());
+        assert!(x.iter().all(|x| x.len() == n), "signals of one length");
+        let at = |i: usize| x.map(|x| x[i]);
         if n < 2 {
-            return x.to_vec();
+            return (0..n).map(at).collect();
         }
         let pad = self.pad.min(n - 1);
+        let mirrored = |end: usize, i: usize| x.map(|x| 2.0 * x[end] - x[i]);
         let mut y = Vec::with_capacity(n + 2 * pad);
-        y.extend((1..=pad).rev().map(|i| 2.0 * x[0] - x[i]));
-        y.extend_from_slice(x);
-        y.extend((1..=pad).map(|i| 2.0 * x[n - 1] - x[n - 1 - i]));
-        for _ in 0..2 {
-            for s in &self.sections {
-                s.run(&mut y);
-            }
-            y.reverse();
+        y.extend((1..=pad).rev().map(|i| mirrored(0, i)));
+        y.extend((0..n).map(at));
+        y.extend((1..=pad).map(|i| mirrored(n - 1, n - 1 - i)));
+        for s in &self.sections {
+            s.run(y.iter_mut());
+        }
+        for s in &self.sections {
+            s.run(y.iter_mut().rev());
         }
         y[pad..pad + n].to_vec()
     }
 }
 
 impl Section {
-    fn run(&self, y: &mut [f64]) {
-        let Some(&first) = y.first() else { return };
+    fn run<'y, const N: usize>(&self, mut y: impl Iterator<Item = &'y mut [f64; N]>) {
+        let Some(first) = y.next() else { return };
         // Start in the steady state of the first value, else the start-up transient would look like motion.
-        let mut z1 = first * (1.0 - self.b[0]);
-        let mut z2 = first * (self.b[2] - self.a[1]);
-        for value in y {
-            let x = *value;
-            let out = self.b[0] * x + z1;
-            z1 = self.b[1] * x - self.a[0] * out + z2;
-            z2 = self.b[2] * x - self.a[1] * out;
-            *value = out;
-        }
+        let mut z1 = first.map(|x| x * (1.0 - self.b[0]));
+        let mut z2 = first.map(|x| x * (self.b[2] - self.a[1]));
+        let mut step = |values: &mut [f64; N]| {
+            for ((value, z1), z2) in values.iter_mut().zip(&mut z1).zip(&mut z2) {
+                let x = *value;
+                let out = self.b[0] * x + *z1;
+                *z1 = self.b[1] * x - self.a[0] * out + *z2;
+                *z2 = self.b[2] * x - self.a[1] * out;
+                *value = out;
+            }
+        };
+        step(first);
+        y.for_each(step);
     }
 }
 

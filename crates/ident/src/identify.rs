@@ -1,7 +1,7 @@
 //! From recordings and a nominal robot to parameters, with everything needed to judge them.
 
 mod instrumental;
-mod preparation;
+pub(crate) mod preparation;
 
 use faer::Mat;
 use pkm_dyn::effects::Robot;
@@ -326,7 +326,7 @@ impl Work<'_, '_, '_> {
 
     /// The base parameters that the recordings show, grouped as the structure of the robot says.
     fn base_set(&mut self, free: &[usize]) -> Option<BaseSet> {
-        let triangle = self.factors.weighted(&self.effort_weights(), &|_| true).triangle();
+        let triangle = self.factors.weighted(&self.effort_weights()).triangle();
         let shown = BaseSet::new(&triangle, free, RANK_TOLERANCE, Choice::BestConditioned)?;
         let structural = BaseSet::new(&self.structure, free, STRUCTURAL_TOLERANCE, Choice::BestConditioned)?;
         if shown.rank() < structural.rank() {
@@ -414,9 +414,9 @@ impl Work<'_, '_, '_> {
         let p = self.columns().len();
         let error = |weight: f64| -> f64 {
             let left_out = |fold: usize| {
-                let rest = factors.weighted(&weights, &|f| f != fold).triangle();
+                let rest = factors.weighted_where(&weights, &|f| f != fold).triangle();
                 let theta = scatter(&least_squares::ridge(&rest, &set.kept, &prior, weight), &set.kept, p);
-                factors.weighted(&weights, &|f| f == fold).error_square(&theta)
+                factors.weighted_where(&weights, &|f| f == fold).error_square(&theta)
             };
             factors.used_folds().into_iter().map(left_out).sum()
         };
@@ -469,7 +469,7 @@ impl Work<'_, '_, '_> {
 
     /// Steps of the parameters that would move the drives by their whole effort.
     fn units(&self, factors: &Factors, free: &[usize]) -> Vec<f64> {
-        let triangle = factors.weighted(&self.effort_weights(), &|_| true).triangle();
+        let triangle = factors.weighted(&self.effort_weights()).triangle();
         let rows = (self.row_count().max(1) as f64).sqrt();
         let nominal = self.columns().nominal();
         let unit = |j: usize| {
@@ -492,9 +492,9 @@ impl Work<'_, '_, '_> {
                 joint: model.joints[j].name.clone(),
                 unit: model.joints[j].kind.unit_effort(),
                 effort_rms: (judged.effort_square() / judged.count().max(1) as f64).sqrt(),
-                nominal: share(&judged, &nominal),
-                identified: share(&judged, &fit.theta),
-                fitted: share(&fitted, &fit.theta),
+                nominal: share(judged, &nominal),
+                identified: share(judged, &fit.theta),
+                fitted: share(fitted, &fit.theta),
                 lag_one: residuals.get(k).map_or(0.0, |r| r.lag_one),
                 is_white: residuals.get(k).is_some_and(Residual::is_white),
                 normality: residuals.get(k).map_or(1.0, Residual::normality),
@@ -536,7 +536,7 @@ impl Work<'_, '_, '_> {
 
     fn summary(&self, free: &[usize], set: Option<&BaseSet>) -> BaseSummary {
         let structural = BaseSet::new(&self.structure, free, STRUCTURAL_TOLERANCE, Choice::BestConditioned);
-        let triangle = self.factors.weighted(&self.effort_weights(), &|_| true).triangle();
+        let triangle = self.factors.weighted(&self.effort_weights()).triangle();
         BaseSummary {
             acting: structural.as_ref().map_or(0, |s| s.kept.len() + s.eliminated.len()),
             structural: structural.as_ref().map_or(0, BaseSet::rank),
@@ -589,5 +589,5 @@ fn used(u: Use) -> &'static str {
 
 fn triangle_of(factors: &Factors, noise: &[f64]) -> Mat<f64> {
     let weights: Vec<f64> = noise.iter().map(|s| 1.0 / s).collect();
-    factors.weighted(&weights, &|_| true).triangle()
+    factors.weighted(&weights).triangle()
 }

@@ -7,6 +7,7 @@ extern crate alloc;
 
 pub mod answer;
 pub mod base;
+pub mod beside;
 pub mod columns;
 pub mod dataset;
 pub mod distributions;

@@ -1,12 +1,14 @@
 //! The observation matrix: columns of all parameters along all recordings, filtered like the effort, thinned to what the band can hold.
 //!
-//! It is never held as a whole. [`Observation::each`] walks over the recordings and hands out blocks of rows; memory depends on the number
-//! of columns and on the band, not on the length of the recordings. Every zero-phase low-pass runs over columns and effort alike, so it
+//! [`Observation::each`] walks over the recordings and hands out blocks of rows. What it has handed out it keeps for the next visit, up to
+//! a size; longer recordings are walked again, so that memory depends on the number of columns and on the band, not on their length. Every zero-phase low-pass runs over columns and effort alike, so it
 //! is no model error; what it does to noise is said in [`crate::filter`].
 //!
 //! While a joint stands its friction may be anything between its limits, so the equation of that drive does not hold there. Rows to fit on
 //! have effort and columns of a drive set to zero at such samples, before the filter: nothing of a stick leaks into its neighbours. Rows
 //! to judge on keep standstill.
+
+use std::sync::OnceLock;
 
 use pkm_dyn::effects::{Law, Robot};
 
@@ -111,6 +113,40 @@ impl Block<'_> {
     }
 }
 
+/// Numbers of all rows of a kind that are kept, at most: 128 MB.
+const KEPT: usize = 1 << 24;
+
+/// A block by itself.
+#[derive(Debug, Clone)]
+struct Kept {
+    recording: usize,
+    time: Vec<f64>,
+    fold: Vec<usize>,
+    w: Vec<Vec<f64>>,
+    z: Vec<Vec<f64>>,
+    tau: Vec<Vec<f64>>,
+    active: Vec<Vec<bool>>,
+}
+
+impl Kept {
+    fn of(b: &Block<'_>) -> Self {
+        Self {
+            recording: b.recording,
+            time: b.time.to_vec(),
+            fold: b.fold.to_vec(),
+            w: b.w.to_vec(),
+            z: b.z.to_vec(),
+            tau: b.tau.to_vec(),
+            active: b.active.to_vec(),
+        }
+    }
+
+    fn block(&self, n_columns: usize) -> Block<'_> {
+        let Self { recording, time, fold, w, z, tau, active } = self;
+        Block { recording: *recording, time, fold, n_columns, w, z, tau, active }
+    }
+}
+
 /// Recordings seen through a robot's equations.
 #[derive(Debug, Clone)]
 pub struct Observation<'r> {
@@ -119,6 +155,8 @@ pub struct Observation<'r> {
     motions: Vec<Motion>,
     band: f64,
     options: RowOptions,
+    /// Rows to fit on and to judge on, once they have been visited.
+    kept: [OnceLock<Vec<Kept>>; 2],
 }
 
 /// The first effect that the regression of efforts cannot have in it. Damping that follows temperature is a law of a joint's effort, but
@@ -146,7 +184,7 @@ impl<'r> Observation<'r> {
         for m in &motions {
             let _checked = model_for(&robot.model, m)?;
         }
-        Ok(Self { robot, columns: Columns::new(robot), motions, band, options })
+        Ok(Self { robot, columns: Columns::new(robot), motions, band, options, kept: Default::default() })
     }
 
     /// The parameters.
@@ -197,13 +235,33 @@ impl<'r> Observation<'r> {
     /// # Errors
     /// Loops that do not close along a recording.
     pub fn each(&self, rows: Rows, visit: &mut dyn FnMut(&Block<'_>), progress: &mut dyn FnMut(f64)) -> Result<(), InputError> {
+        let store = &self.kept[usize::from(rows == Rows::HeldOut)];
+        if let Some(blocks) = store.get() {
+            blocks.iter().for_each(|b| visit(&b.block(self.columns.len())));
+            progress(1.0);
+            return Ok(());
+        }
+        let (mut kept, mut size) = (Vec::new(), 0);
+        let mut visit = |block: &Block<'_>| {
+            visit(block);
+            size += block.len() * self.robot.model.n_act() * (self.columns.len() + 3);
+            if size <= KEPT {
+                kept.push(Kept::of(block));
+            } else {
+                kept = Vec::new();
+            }
+        };
         let wanted = |m: &&Motion| m.used == Use::Both || (m.used == Use::Fit) == (rows == Rows::Fitted);
         let total: usize = self.motions.iter().filter(wanted).map(Motion::len).sum();
         let mut done = 0;
         for (index, motion) in self.motions.iter().enumerate().filter(|(_, m)| wanted(m)) {
             let mut walk = Walk::try_new(self, index, motion, rows)?;
-            walk.run(visit, &mut |n| progress((done + n) as f64 / total as f64))?;
+            walk.run(&mut visit, &mut |n| progress((done + n) as f64 / total as f64))?;
             done += motion.len();
+        }
+        if size <= KEPT {
+            // Another thread that was faster kept the same.
+            drop(store.set(kept));
         }
         Ok(())
     }

@@ -33,6 +33,8 @@ const WIDE: f64 = 0.5;
 /// A payload.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Payload {
+    /// The link it rides on.
+    pub link: String,
     /// Whether it may be used.
     pub status: Status,
     /// What speaks against it.
@@ -66,13 +68,14 @@ pub fn payload(robot: &Robot, recordings: &[Recording], link: &str, rows: RowOpt
     let usable: Vec<bool> = (0..factors.n_drives()).map(|k| factors.drive(k).count() > 0).collect();
     let size = |k: usize| 1.0 / (factors.drive(k).effort_square() / factors.drive(k).count().max(1) as f64).sqrt().max(f64::MIN_POSITIVE);
     let even: Vec<f64> = (0..usable.len()).map(|k| if usable[k] { size(k) } else { 0.0 }).collect();
-    let Some(set) = BaseSet::new(&factors.weighted(&even, &|_| true).triangle(), &own, TOLERANCE, Choice::BestConditioned) else {
+    let Some(set) = BaseSet::new(&factors.weighted(&even).triangle(), &own, TOLERANCE, Choice::BestConditioned) else {
         let body = InertialParameters::default();
-        return Ok(Payload { status: Status::NotIdentified, notes: vec![Note::NoMotion], body, shown: Vec::new() });
+        let link = link.to_string();
+        return Ok(Payload { link, status: Status::NotIdentified, notes: vec![Note::NoMotion], body, shown: Vec::new() });
     };
     let noise = drive_noise(&factors, &set.kept, &usable);
     let weights: Vec<f64> = noise.iter().map(|s| 1.0 / s).collect();
-    let all: Factor = factors.weighted(&weights, &|_| true);
+    let all: Factor = factors.weighted(&weights);
     let triangle = all.triangle();
     let values = least_squares::ordinary(&triangle, &set.kept);
     let shown = shown(&observation, &set, &values, &noise)?;
@@ -87,7 +90,7 @@ pub fn payload(robot: &Robot, recordings: &[Recording], link: &str, rows: RowOpt
     if outcome == Outcome::Failed {
         notes.push(Note::Solver { outcome: "failed", iterations });
     }
-    Ok(Payload { status: Note::worst(&notes), notes, body, shown })
+    Ok(Payload { link: link.to_string(), status: Note::worst(&notes), notes, body, shown })
 }
 
 /// The combinations that the motion shows, with intervals.

@@ -57,7 +57,7 @@ impl Reduction<'_> {
     /// All steps, the places (among the set's kept columns) that are left, and the parameters of the last step.
     pub(crate) fn run(&self) -> (Vec<Step>, Vec<usize>, Vec<f64>) {
         let weights: Vec<f64> = self.noise.iter().map(|s| 1.0 / s).collect();
-        let factor = self.factors.weighted(&weights, &|_| true);
+        let factor = self.factors.weighted(&weights);
         let (triangle, rows) = (factor.triangle(), factor.count().max(1));
         let mut places: Vec<usize> = (0..self.set.rank()).collect();
         let (mut steps, mut dropped) = (Vec::new(), String::new());

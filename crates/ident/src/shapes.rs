@@ -11,7 +11,7 @@ use crate::columns::{is_friction_law, is_linear};
 use crate::error::InputError;
 use crate::estimate::least_squares;
 use crate::estimate::weighted::{drive_noise, scatter};
-use crate::factor::{Factor, Factors, squared_error};
+use crate::factor::{Factors, squared_error};
 use crate::minimise::nelder_mead::{Options, nelder_mead};
 use crate::minimise::{Bounds, Ending};
 use crate::motion::Use;
@@ -177,16 +177,16 @@ impl Search<'_> {
         let factors = Factors::of(&observation, Rows::Fitted, &mut |_| {})?;
         let usable: Vec<bool> = (0..factors.n_drives()).map(|k| factors.drive(k).count() > 0).collect();
         let size = |k: usize| {
-            let d: Factor = factors.drive(k);
+            let d = factors.drive(k);
             if usable[k] { 1.0 / (d.effort_square() / d.count().max(1) as f64).sqrt().max(f64::MIN_POSITIVE) } else { 0.0 }
         };
         let even: Vec<f64> = (0..usable.len()).map(size).collect();
-        let kept = independent(&factors.weighted(&even, &|_| true).triangle());
+        let kept = independent(&factors.weighted(&even).triangle());
         if self.noise.is_empty() {
             self.noise = drive_noise(&factors, &kept, &usable);
         }
         let weights: Vec<f64> = self.noise.iter().map(|s| 1.0 / s).collect();
-        let triangle = factors.weighted(&weights, &|_| true).triangle();
+        let triangle = factors.weighted(&weights).triangle();
         let theta = scatter(&least_squares::ordinary(&triangle, &kept), &kept, factors.n_columns());
         Ok((squared_error(&triangle, &theta), theta))
     }

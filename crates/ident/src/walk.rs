@@ -22,6 +22,9 @@ const MEMORY_PERIODS: f64 = 6.0;
 /// Samples handed to the filter at once, at least.
 const WINDOW: usize = 4096;
 
+/// Series that are filtered side by side.
+const LANES: usize = 8;
+
 /// A joint slower than this share of its top speed stands still.
 const STANDSTILL: f64 = 0.01;
 
@@ -89,8 +92,17 @@ impl Electronics {
         }
     }
 
-    /// The effort as it would be recorded while `x` acts.
-    fn recorded(&self, mut x: Vec<f64>, dt: f64) -> Vec<f64> {
+    /// What acts is what is recorded.
+    fn is_plain(&self) -> bool {
+        (self.scale - 1.0).abs() <= 0.0 && self.lag <= 0.0 && self.delay.abs() <= 0.0
+    }
+
+    /// The effort as it would be recorded while `x` acts, where that is another.
+    fn recorded(&self, x: &[f64], dt: f64) -> Option<Vec<f64>> {
+        if self.is_plain() {
+            return None;
+        }
+        let mut x = x.to_vec();
         if self.lag > 0.0 {
             let rate = derivative(&x, dt);
             x.iter_mut().zip(rate).for_each(|(x, r)| *x += self.lag * r);
@@ -99,7 +111,7 @@ impl Electronics {
             x = advanced(&x, self.delay, dt);
         }
         x.iter_mut().for_each(|x| *x /= self.scale);
-        x
+        Some(x)
     }
 }
 
@@ -241,15 +253,20 @@ impl<'o> Walk<'o> {
         let direction: Vec<f64> = self.data.v.iter().zip(&self.width).map(|(v, w)| soft_sign(*v, *w)).collect();
         let known = self.known(&direction);
         let p = self.columns.len();
-        let (still, series, load) = (&self.still, &mut self.series, &self.load);
+        let (still, series, load, electronics) = (&self.still, &mut self.series, &self.load, &self.electronics);
         let mut known_load = vec![0.0; n_act];
-        // Columns are cut at standstill only after the electronics: a lag of what is cut already is none of the cut effort's.
+        // Behind electronics columns are cut at standstill in the end: a lag of what is cut already is none of the cut effort's.
+        let is_kept = |k: usize| !still[k][i] || !electronics[k].is_plain();
         self.columns.fill(&self.model, &mut self.data, &direction, &mut |k, c, x| {
-            series[k][c][at] = x;
-            known_load[k] += load.get(c).map_or(0.0, |l| l * x);
+            if is_kept(k) {
+                series[k][c][at] = x;
+                known_load[k] += load.get(c).map_or(0.0, |l| l * x);
+            }
         });
         for k in 0..n_act {
-            series[k][p][at] = known[k] + known_load[k];
+            if is_kept(k) {
+                series[k][p][at] = known[k] + known_load[k];
+            }
             if !still[k][i] {
                 series[k][p + 1][at] = self.motion.tau[k][i];
                 series[k][p + 2][at] = 1.0;
@@ -279,37 +296,50 @@ impl<'o> Walk<'o> {
         let mut w = vec![vec![0.0; taken.len() * p]; n_act];
         let (mut z, mut tau, mut active) = (Vec::new(), Vec::new(), Vec::new());
         for (k, w) in w.iter_mut().enumerate() {
-            let filtered = |s: &[f64], is_effort: bool| -> Option<Vec<f64>> {
-                let s = &s[..len];
-                // Most columns of most drives are zero by structure.
-                if s.iter().all(|x| x.abs() <= 0.0) {
-                    return None;
-                }
-                let recorded = if is_effort {
-                    self.filter.apply(s)
-                } else {
-                    let mut seen = self.electronics[k].recorded(s.to_vec(), self.motion.dt);
-                    seen.iter_mut().zip(&self.series[k][p + 2]).for_each(|(x, is_moving)| *x *= is_moving);
-                    self.filter.apply(&seen)
-                };
-                Some(taken.iter().map(|&i| recorded[i - self.from]).collect())
-            };
-            let or_zero = |x: Option<Vec<f64>>| x.unwrap_or_else(|| vec![0.0; taken.len()]);
-            for c in 0..p {
-                if let Some(column) = filtered(&self.series[k][c], false) {
-                    column.iter().enumerate().for_each(|(i, x)| w[i * p + c] = *x);
-                }
-            }
-            let known = or_zero(filtered(&self.series[k][p], false));
-            let effort = or_zero(filtered(&self.series[k][p + 1], true));
-            let moving = or_zero(filtered(&self.series[k][p + 2], true));
-            z.push(effort.iter().zip(&known).map(|(t, k)| t - k).collect::<Vec<_>>());
-            active.push(moving.iter().map(|m| *m > 0.5).collect::<Vec<_>>());
-            tau.push(effort);
+            let mut rest = vec![[0.0; 3]; taken.len()];
+            self.filtered(
+                k,
+                len,
+                &mut |i, c, x| {
+                    if c < p { w[i * p + c] = x } else { rest[i][c - p] = x }
+                },
+                &taken,
+            );
+            z.push(rest.iter().map(|[known, effort, _]| effort - known).collect::<Vec<_>>());
+            active.push(rest.iter().map(|[.., moving]| *moving > 0.5).collect::<Vec<_>>());
+            tau.push(rest.iter().map(|[_, effort, _]| *effort).collect::<Vec<_>>());
         }
         let time: Vec<f64> = taken.iter().map(|&i| self.motion.start + self.motion.dt * i as f64).collect();
         let fold: Vec<usize> = taken.iter().map(|&i| self.index * BLOCKS + self.block(i)).collect();
         visit(&Block { recording: self.index, time: &time, fold: &fold, n_columns: p, w: &w, z: &z, tau: &tau, active: &active });
+    }
+
+    /// Filters the series of a drive over the first `len` samples of the window: `put(row, series, value)` at the samples `taken`.
+    fn filtered(&self, k: usize, len: usize, put: &mut dyn FnMut(usize, usize, f64), taken: &[usize]) {
+        // Most columns of most drives are zero by structure.
+        let all = self.series[k].iter().map(|s| &s[..len]).enumerate();
+        let acting: Vec<(usize, &[f64])> = all.filter(|(_, s)| s.iter().any(|x| x.abs() > 0.0)).collect();
+        let is_measured = |c: usize| c > self.columns.len();
+        let is_moving = &self.series[k][self.columns.len() + 2][..len];
+        for group in acting.chunks(LANES) {
+            let seen = |&(c, s): &(usize, &[f64])| -> Option<Vec<f64>> {
+                let mut seen = self.electronics[k].recorded(s, self.motion.dt).filter(|_| !is_measured(c))?;
+                seen.iter_mut().zip(is_moving).for_each(|(x, is_moving)| *x *= is_moving);
+                Some(seen)
+            };
+            let changed: Vec<Option<Vec<f64>>> = group.iter().map(seen).collect();
+            // A group that is not full filters its last series several times, and puts it once.
+            let lane = |g: usize| {
+                let g = g.min(group.len() - 1);
+                changed[g].as_deref().unwrap_or(group[g].1)
+            };
+            let out = self.filter.apply_each::<LANES>(core::array::from_fn(lane));
+            for (row, &i) in taken.iter().enumerate() {
+                for (&(c, _), x) in group.iter().zip(out[i - self.from]) {
+                    put(row, c, x);
+                }
+            }
+        }
     }
 
     fn block(&self, i: usize) -> usize {

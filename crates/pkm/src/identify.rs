@@ -9,6 +9,7 @@ use std::process::ExitCode;
 use anyhow::{anyhow, ensure};
 use clap::ValueEnum;
 use pkm_dyn::effects::Robot;
+use pkm_ident::beside::{Beside, Question};
 use pkm_ident::estimate::Method;
 use pkm_ident::note::Status;
 use pkm_ident::observation::RowOptions;
@@ -33,6 +34,8 @@ Examples:
   pkm identify robot.toml --recording A.mcap --recording B.mcap --hold offset --json out.json
   pkm identify robot.toml --recording A.csv --method iv                  noisy positions; needs q_ref.* columns
   pkm identify robot.toml --recording A.csv --period 10 --outliers 8     ten-second motion, averaged, wild samples replaced
+  pkm identify robot.toml --recording A.csv --recording 2kg.csv --gains  newtons per newton of each drive
+  pkm identify robot.toml --recording A.csv --payload hand               what is in the hand
   pkm identify robot.toml --recording A.csv --shapes                     also the Stribeck velocity that robot.toml states
 
 Methods: sdp (physical bodies, the default), wls, ols (base parameters, weighted by drive or not), huber and bisquare (robust),
@@ -60,6 +63,12 @@ pub(crate) struct Args {
     /// Estimate velocities and exponents of the friction laws that the robot file states, from there on.
     #[arg(long)]
     shapes: bool,
+    /// Also the gains of the drives, from recordings with a known load (`load` in their metadata) beside recordings without.
+    #[arg(long)]
+    gains: bool,
+    /// Also what rides on this link, the robot itself being as its file says.
+    #[arg(long, value_name = "LINK")]
+    payload: Option<String>,
     /// Estimator.
     #[arg(long, value_name = "METHOD", default_value = "sdp")]
     method: MethodName,
@@ -144,6 +153,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         held: args.hold.iter().map(|t| t.0).collect(),
         ..Settings::default()
     };
+    let questions: Vec<Question<'_>> =
+        args.gains.then_some(Question::Gains).into_iter().chain(args.payload.as_deref().map(Question::Payload)).collect();
+    let beside = Beside::of(&description.robot, &fit, &settings, &questions).map_err(|e| told(e, &file))?;
     let mut progress = Progress::new("identifying", args.quiet);
     let nominal = &description.robot;
     let mut simulate = |robot: &Robot, like: &Recording| pkm_sim::rerun([robot, nominal], like).map_err(|e| e.to_string());
@@ -158,20 +170,20 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         outputs.write(urdf, &texts[1])?;
     }
     if let Some(path) = &args.json {
-        outputs.write(path, &(serde_json::to_string_pretty(&text::json(&answer))? + "\n"))?;
+        outputs.write(path, &(serde_json::to_string_pretty(&text::json(&answer, &beside))? + "\n"))?;
     }
     if let Some(path) = &args.html {
-        outputs.write(path, &pkm_report::identification_html(&answer))?;
+        outputs.write(path, &pkm_report::identification_html(&answer, &beside))?;
     }
     outputs.publish()?;
     if !args.quiet {
-        out::say(&out::clean(&said(args, &answer)))?;
+        out::say(&out::clean(&said(args, &answer, &beside)))?;
     }
     Ok(if answer.status == Status::NotIdentified { ExitCode::from(NOT_IDENTIFIED) } else { ExitCode::SUCCESS })
 }
 
-fn said(args: &Args, answer: &Identification) -> String {
-    let mut said = text::text(answer);
+fn said(args: &Args, answer: &Identification, beside: &Beside) -> String {
+    let mut said = text::text(answer, beside);
     if let Some(path) = args.out.as_ref().filter(|_| answer.status != Status::NotIdentified) {
         said += &format!("\n\nIdentified robot: {}", path.display());
     }

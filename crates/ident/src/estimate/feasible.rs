@@ -186,7 +186,7 @@ impl Space {
 pub fn choose_weight(factors: &Factors, noise: &[f64], space: &Space) -> f64 {
     let weights: Vec<f64> = noise.iter().map(|s| 1.0 / s).collect();
     let folds = factors.used_folds();
-    let parts: Vec<_> = folds.iter().map(|&f| factors.weighted(&weights, &|g| g == f)).collect();
+    let parts: Vec<_> = folds.iter().map(|&f| factors.weighted_where(&weights, &|g| g == f)).collect();
     let seen: Vec<_> = parts.iter().map(|p| space.seen(&p.triangle())).collect();
     let products = |(a, b): &(Mat<f64>, Mat<f64>)| (a.transpose() * a, a.transpose() * b);
     let each: Vec<_> = seen.iter().map(products).collect();

@@ -35,7 +35,7 @@ pub fn drive_noise(factors: &Factors, kept: &[usize], usable: &[bool]) -> Vec<f6
 #[must_use]
 pub fn weighted_theta(factors: &Factors, kept: &[usize], noise: &[f64]) -> Vec<f64> {
     let weights: Vec<f64> = noise.iter().map(|s| 1.0 / s).collect();
-    let triangle = factors.weighted(&weights, &|_| true).triangle();
+    let triangle = factors.weighted(&weights).triangle();
     scatter(&least_squares::ordinary(&triangle, kept), kept, factors.n_columns())
 }
 

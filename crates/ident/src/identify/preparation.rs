@@ -15,14 +15,14 @@ use crate::preprocess::{Clock, Done, prepared, shifted};
 use crate::shapes::independent;
 
 /// Recordings after preprocessing, and what was done.
-pub(super) struct Prepared {
-    pub(super) fit: Vec<Recording>,
-    pub(super) holdout: Vec<Recording>,
-    pub(super) done: Vec<Done>,
+pub(crate) struct Prepared {
+    pub(crate) fit: Vec<Recording>,
+    pub(crate) holdout: Vec<Recording>,
+    pub(crate) done: Vec<Done>,
 }
 
 impl Prepared {
-    pub(super) fn of(robot: &Robot, [fit, holdout]: [&[Recording]; 2], settings: &Settings) -> Result<Self, InputError> {
+    pub(crate) fn of(robot: &Robot, [fit, holdout]: [&[Recording]; 2], settings: &Settings) -> Result<Self, InputError> {
         let mut done = Vec::new();
         let mut each = |list: &[Recording]| -> Result<Vec<Recording>, InputError> {
             let mut out = Vec::new();
@@ -59,7 +59,7 @@ fn lateness(robot: &Robot, fit: &[Recording], most: f64, settings: &Settings) ->
             if d.effort_square() > 0.0 { (d.count() as f64 / d.effort_square()).sqrt() } else { 0.0 }
         };
         let weights: Vec<f64> = (0..factors.n_drives()).map(weight).collect();
-        let triangle = factors.weighted(&weights, &|_| true).triangle();
+        let triangle = factors.weighted(&weights).triangle();
         let kept = independent(&triangle);
         let theta = scatter(&least_squares::ordinary(&triangle, &kept), &kept, factors.n_columns());
         Ok(squared_error(&triangle, &theta))

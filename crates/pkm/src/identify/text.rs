@@ -1,13 +1,15 @@
 //! An identification in words and as JSON.
 
+use pkm_dyn::parameters::NAMES;
 use pkm_ident::Identification;
-use pkm_ident::note::Status;
+use pkm_ident::beside::Beside;
+use pkm_ident::note::{Note, Status};
 use serde_json::{Value, json};
 
 use crate::out::{number, table};
 
 /// The answer in words: errors by drive, parameters with intervals, objections.
-pub(super) fn text(answer: &Identification) -> String {
+pub(super) fn text(answer: &Identification, beside: &Beside) -> String {
     let base = &answer.base;
     let mut out = vec![format!(
         "{}: {}, method {}, band {} Hz, {} rows",
@@ -65,6 +67,8 @@ pub(super) fn text(answer: &Identification) -> String {
         ));
     }
     extras(answer, &mut out);
+    gains(beside, &mut out);
+    payload(beside, &mut out);
     if !answer.notes.is_empty() {
         out.push("\nNotes".to_string());
         out.extend(answer.notes.iter().map(|n| format!("  {n}")));
@@ -100,12 +104,39 @@ fn extras(answer: &Identification, out: &mut Vec<String>) {
     }
 }
 
+fn gains(beside: &Beside, out: &mut Vec<String>) {
+    let Some(g) = &beside.gains else { return };
+    out.push("\nGains of the drives, acting effort over recorded effort".to_string());
+    if !g.gains.is_empty() {
+        let mut rows = vec![["drive", "gain", "95 % interval", "load"].map(str::to_string).to_vec()];
+        rows.extend(g.gains.iter().map(|g| {
+            let interval = format!("{} .. {}", number(g.ci95[0]), number(g.ci95[1]));
+            vec![g.joint.clone(), number(g.gain), interval, format!("{} of the effort", percent(g.load_share))]
+        }));
+        out.push(table(&rows));
+    }
+    out.extend(g.notes.iter().map(|n| format!("  {n}")));
+}
+
+fn payload(beside: &Beside, out: &mut Vec<String>) {
+    let Some(p) = &beside.payload else { return };
+    let [x, y, z] = p.body.centre_of_mass().0.into();
+    out.push(format!("\nPayload on {}: {} kg at ({}, {}, {}) m", p.link, number(p.body.mass), number(x), number(y), number(z)));
+    let mut rows = vec![["value", "95 % interval", "unit", "shown by the motion"].map(str::to_string).to_vec()];
+    rows.extend(p.shown.iter().map(|e| {
+        let interval = format!("{} .. {}", number(e.ci95[0]), number(e.ci95[1]));
+        vec![number(e.value), interval, e.unit.to_string(), e.name.clone()]
+    }));
+    out.push(table(&rows));
+    out.extend(p.notes.iter().map(|n| format!("  {n}")));
+}
+
 fn percent(x: f64) -> String {
     format!("{:.1} %", 100.0 * x)
 }
 
 /// The answer as JSON.
-pub(super) fn json(answer: &Identification) -> Value {
+pub(super) fn json(answer: &Identification, beside: &Beside) -> Value {
     let standard: Vec<Value> = answer
         .columns
         .list
@@ -113,10 +144,11 @@ pub(super) fn json(answer: &Identification) -> Value {
         .zip(&answer.theta)
         .map(|(p, value)| json!({"name": p.name, "unit": p.unit, "nominal": p.nominal, "value": value}))
         .collect();
-    json!({
+    let noted = |notes: &[Note]| notes.iter().map(|n| json!({"numbers": n, "says": n.to_string()})).collect::<Vec<_>>();
+    let mut out = json!({
         "schema": "pkm.identification/1",
         "status": answer.status,
-        "notes": answer.notes.iter().map(|n| json!({"numbers": n, "says": n.to_string()})).collect::<Vec<_>>(),
+        "notes": noted(&answer.notes),
         "robot": answer.robot,
         "method": answer.method,
         "band_hz": answer.band_hz,
@@ -136,5 +168,14 @@ pub(super) fn json(answer: &Identification) -> Value {
         "base_parameters": answer.parameters,
         "reduction": answer.steps,
         "parameters": standard,
-    })
+    });
+    if let Some(g) = &beside.gains {
+        out["gains"] = json!({"status": g.status, "notes": noted(&g.notes), "drives": g.gains});
+    }
+    if let Some(p) = &beside.payload {
+        let theta = p.body.to_vector();
+        let body: serde_json::Map<String, Value> = NAMES.iter().zip(theta.iter()).map(|(name, x)| (name.to_string(), json!(x))).collect();
+        out["payload"] = json!({"link": p.link, "status": p.status, "notes": noted(&p.notes), "body": body, "shown": p.shown});
+    }
+    out
 }

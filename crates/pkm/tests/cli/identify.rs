@@ -1,5 +1,6 @@
 //! `pkm identify`: its files, its words, its exit status, what it refuses.
 
+use std::collections::BTreeMap;
 use std::fs;
 
 use serde_json::Value;
@@ -84,6 +85,93 @@ fn preprocessing_and_instruments_are_told_in_words_json_and_page() {
     for part in ["--period", "--shapes", "instruments from the simulated loop", "Preprocessing"] {
         assert!(help.contains(part), "{part} in {help}");
     }
+}
+
+#[test]
+fn gains_and_a_payload_are_told_in_words_json_and_page() {
+    let folder = rig();
+    let simulate = |out: &str, seed: &str, more: &[&str]| {
+        prints(
+            folder.path(),
+            &[&["simulate", "rig.toml", "--out", out, "--seed", seed, "--duration", "12", "--rate", "500"], more].concat(),
+        );
+    };
+    simulate("free.csv", "1", &[]);
+    simulate("heavy.csv", "2", &["--hide", "payload@hand:mass=1"]);
+    let heavy = fs::read_to_string(folder.path().join("heavy.csv")).unwrap();
+    fs::write(folder.path().join("weighed.csv"), format!("# load = {{link = \"hand\", mass = 1.0, xyz = [0, 0, 0]}}\n{heavy}")).unwrap();
+    let json = || -> Value { serde_json::from_str(&fs::read_to_string(folder.path().join("out.json")).unwrap()).unwrap() };
+    let page = || fs::read_to_string(folder.path().join("out.html")).unwrap();
+    let outputs = ["--json", "out.json", "--html", "out.html"];
+    let weighed = ["identify", "rig.toml", "--recording", "free.csv", "--recording", "weighed.csv", "--gains"];
+    let said = prints(folder.path(), &[&weighed[..], &outputs].concat());
+    assert!(said.contains("Gains of the drives") && page().contains("acting over recorded effort"), "{said}");
+    for drive in json()["gains"]["drives"].as_array().unwrap() {
+        assert!((drive["gain"].as_f64().unwrap() - 1.0).abs() < 0.1, "{drive}");
+    }
+    let held = ["identify", "rig.toml", "--recording", "heavy.csv", "--payload", "hand", "--gains"];
+    let said = prints(folder.path(), &[&held[..], &outputs].concat());
+    assert!(said.contains("Payload on hand") && said.contains("none of 1 recordings states a load"), "{said}");
+    assert!(page().contains("On hand:") && json()["gains"]["status"] == "not_identified");
+    let mass = json()["payload"]["body"]["mass"].as_f64().unwrap();
+    assert!((mass - 1.0).abs() < 0.15, "{mass} kg");
+    let nowhere = ["identify", "rig.toml", "--recording", "heavy.csv", "--payload", "tail"];
+    refused(folder.path(), &nowhere, &["heavy.csv", "no link \"tail\""]);
+}
+
+/// A recording with `change` made to every row: its number, how many there are, and its values by column.
+fn altered(text: &str, change: &dyn Fn(usize, usize, &mut BTreeMap<String, f64>)) -> String {
+    let all: Vec<&str> = text.lines().collect();
+    let head = all.iter().position(|l| l.starts_with("t,")).unwrap();
+    let names: Vec<&str> = all[head].split(',').collect();
+    let mut out = all[..=head].join("\n") + "\n";
+    for (i, line) in all[head + 1..].iter().enumerate() {
+        let mut row = names.iter().zip(line.split(',')).map(|(name, x)| (name.to_string(), x.parse().unwrap())).collect();
+        change(i, all.len() - head - 1, &mut row);
+        out += &(names.iter().map(|name| row[*name].to_string()).collect::<Vec<_>>().join(",") + "\n");
+    }
+    out
+}
+
+/// A name, the status, what the note says, and what happens to each row.
+type Poor<'p> = (&'p str, &'p str, &'p [&'p str], &'p dyn Fn(usize, usize, &mut BTreeMap<String, f64>));
+
+#[test]
+fn poor_recordings_are_told_with_numbers() {
+    let folder = rig();
+    prints(folder.path(), &["simulate", "rig.toml", "--out", "good.csv", "--duration", "12", "--rate", "500"]);
+    let good = fs::read_to_string(folder.path().join("good.csv")).unwrap();
+    let add = |row: &mut BTreeMap<String, f64>, name: &str, x: f64| *row.get_mut(name).unwrap() += x;
+    let contact = |i: usize, n: usize, row: &mut BTreeMap<String, f64>| add(row, "tau.j1", if 20 * i / n % 10 == 3 { 25.0 } else { 0.0 });
+    let spikes = |i: usize, _: usize, row: &mut BTreeMap<String, f64>| add(row, "tau.j1", if i.is_multiple_of(10) { 60.0 } else { 0.0 });
+    let cases: [Poor<'_>; 5] = [
+        ("stands", "with doubts", &["j2 stands still: it travels 0", "(limit 8.400e-3)"], &|_, _, row| {
+            row.insert("q.j2".to_string(), 0.2);
+        }),
+        // The hand keeps its direction: its inertia never acts.
+        ("mirror", "with doubts", &["the motion shows 12 of 13 base parameters"], &|_, _, row| {
+            row.insert("q.j2".to_string(), -row["q.j1"]);
+        }),
+        // Efforts of negative masses.
+        ("negative", "with doubts", &["no physical robot has what the recordings ask for", "(limit 1.5 times)"], &|_, _, row| {
+            ["tau.j1", "tau.j2"].iter().for_each(|tau| *row.get_mut(*tau).unwrap() *= -1.0);
+        }),
+        ("contact", "with doubts", &["% of the rows are further than 4 standard deviations off (limit 2.0 %)"], &contact),
+        ("spikes", "with doubts", &["j1: 10.0 % of its effort samples stood out", "(limit 0.5 %)"], &spikes),
+    ];
+    for (name, status, parts, change) in cases {
+        let file = format!("{name}.csv");
+        fs::write(folder.path().join(&file), altered(&good, change)).unwrap();
+        let said = prints(folder.path(), &["identify", "rig.toml", "--recording", &file]);
+        for part in [&[status][..], parts].concat() {
+            assert!(said.contains(part), "{name}: {part} in {said}");
+        }
+    }
+    let short: Vec<&str> = good.lines().take(604).collect();
+    fs::write(folder.path().join("short.csv"), short.join("\n") + "\n").unwrap();
+    let output = pkm(folder.path(), &["identify", "rig.toml", "--recording", "short.csv", "--band", "4"]);
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.code() == Some(1) && said.contains("6 independent rows for 6 parameters (at least 30 are needed)"), "{said}");
 }
 
 #[test]

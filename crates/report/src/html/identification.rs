@@ -1,7 +1,8 @@
 //! An identification as one HTML file: errors by drive, parameters with their intervals, objections.
 
 use pkm_ident::answer::{Estimated, Identification, JointError};
-use pkm_ident::note::Status;
+use pkm_ident::beside::Beside;
+use pkm_ident::note::{Note, Status};
 
 use super::page::document;
 use super::{esc, num};
@@ -10,7 +11,7 @@ use crate::svg;
 
 /// The identification as one self-contained HTML page: no network, no script. Everything that comes from files is escaped.
 #[must_use]
-pub fn identification_html(answer: &Identification) -> String {
+pub fn identification_html(answer: &Identification, beside: &Beside) -> String {
     let outcome = match answer.status {
         Status::Identified => "identified",
         Status::Doubtful => "identified, with doubts",
@@ -18,12 +19,14 @@ pub fn identification_html(answer: &Identification) -> String {
     };
     let mut body = format!("<header><h1>{}: {outcome}</h1></header>", esc(&answer.robot));
     for (id, title, text) in [
-        ("notes", "Notes", notes(answer)),
+        ("notes", "Notes", notes(&answer.notes)),
         ("numbers", "Held-out error", errors(answer)),
         ("parameters", "Base parameters", parameters(answer)),
         ("reduction", "Reduction to relevant parameters", reduction(answer)),
         ("shapes", "Shapes of friction laws", shapes(answer)),
         ("instruments", "Instruments", instruments(answer)),
+        ("gains", "Gains of the drives", gains(beside)),
+        ("payload", "Payload", payload(beside)),
         ("preprocessing", "Preprocessing", preprocessing(answer)),
         ("all", "All parameters of the identified robot", all(answer)),
         ("recordings", "Recordings", recordings(answer)),
@@ -52,12 +55,12 @@ fn value(x: f64) -> String {
     num(&significant(x, 4))
 }
 
-fn notes(answer: &Identification) -> String {
-    if answer.notes.is_empty() {
+fn notes(notes: &[Note]) -> String {
+    if notes.is_empty() {
         return String::new();
     }
     let mut out = "<ul>".to_owned();
-    answer.notes.iter().for_each(|n| put!(out, "<li>{}</li>", esc(&n.to_string())));
+    notes.iter().for_each(|n| put!(out, "<li>{}</li>", esc(&n.to_string())));
     out + "</ul>"
 }
 
@@ -131,6 +134,36 @@ fn shapes(answer: &Identification) -> String {
         vec![value(s.stated), value(s.value), interval, s.unit.to_owned(), esc(&s.name).to_string()]
     });
     table(&["stated", "identified", "95 % interval", "unit", "shape"], rows)
+}
+
+fn gains(beside: &Beside) -> String {
+    let Some(g) = &beside.gains else { return String::new() };
+    let rows = g.gains.iter().map(|g| {
+        let interval = format!("{} … {}", value(g.ci95[0]), value(g.ci95[1]));
+        vec![esc(&g.joint).to_string(), value(g.gain), interval, num(&percent(g.load_share))]
+    });
+    let head = ["drive", "acting over recorded effort", "95 % interval", "known load over effort"];
+    let table = if g.gains.is_empty() { String::new() } else { table(&head, rows) };
+    table + &notes(&g.notes)
+}
+
+fn payload(beside: &Beside) -> String {
+    let Some(p) = &beside.payload else { return String::new() };
+    let [x, y, z] = p.body.centre_of_mass().0.into();
+    let rows = p.shown.iter().map(|e| {
+        let interval = format!("{} … {}", value(e.ci95[0]), value(e.ci95[1]));
+        vec![value(e.value), interval, e.unit.to_owned(), esc(&e.name).to_string()]
+    });
+    format!(
+        "<p>On {}: {} kg at ({}, {}, {}) m of its frame.</p>{}{}",
+        esc(&p.link),
+        value(p.body.mass),
+        value(x),
+        value(y),
+        value(z),
+        table(&["value", "95 % interval", "unit", "shown by the motion"], rows),
+        notes(&p.notes)
+    )
 }
 
 fn instruments(answer: &Identification) -> String {
