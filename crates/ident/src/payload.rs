@@ -27,6 +27,9 @@ const WEIGHT: f64 = 1e-6;
 /// Gyration radius that the search starts from `[m]`.
 const EXTENT: f64 = 0.05;
 
+/// Coefficient of another parameter, beside the mass, below which it has no part in it `[1/m]` or `[1/m²]`.
+const ALONE: f64 = 1e-6;
+
 /// Relative half width of the interval of the mass above which the payload is not seen.
 const WIDE: f64 = 0.5;
 
@@ -80,10 +83,13 @@ pub fn payload(robot: &Robot, recordings: &[Recording], link: &str, rows: RowOpt
     let values = least_squares::ordinary(&triangle, &set.kept);
     let shown = shown(&observation, &set, &values, &noise)?;
     let mut notes = Vec::new();
-    let mass = shown.iter().position(|e| e.name.contains(".mass")).map_or(0.0, |i| shown[i].value);
-    let is_seen = shown.iter().any(|e| e.name.contains(".mass") && e.ci95[0] > 0.0 && e.ci95[1] - e.ci95[0] < 2.0 * WIDE * e.value);
+    // A combination of the mass with first moments is no mass.
+    let is_alone = |i: usize| set.kept[i] == own[0] && (0..set.eliminated.len()).all(|j| set.grouping[(i, j)].abs() < ALONE);
+    let weighed = (0..set.rank()).find(|&i| is_alone(i)).map(|i| &shown[i]);
+    let mass = weighed.map_or(0.0, |e| e.value);
+    let is_seen = weighed.is_some_and(|e| e.ci95[0] > 0.0 && e.ci95[1] - e.ci95[0] < 2.0 * WIDE * e.value);
     if !is_seen {
-        let interval = shown.iter().find(|e| e.name.contains(".mass")).map_or([0.0, 0.0], |e| e.ci95);
+        let interval = weighed.map_or([0.0, 0.0], |e| e.ci95);
         notes.push(Note::PayloadNotSeen { link: link.to_string(), mass, interval });
     }
     let (body, outcome, iterations) = physical(&triangle, all.count(), &own, mass);
