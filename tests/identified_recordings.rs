@@ -81,11 +81,12 @@ fn emps_has_the_published_parameters() {
     for (name, published) in [("slide.viscous", 203.5034), ("slide.coulomb", 20.3935), ("slide.offset", -3.1648)] {
         let p = value(name);
         println!("{name}: {} [{}, {}], published {published}", p.value, p.ci95[0], p.ci95[1]);
-        assert!((p.value / published - 1.0).abs() < 5e-3, "{name}: {} instead of {published}", p.value);
+        // Three digits, half a unit in the last of a number that begins with two; the authors decimated with another filter.
+        assert!((p.value / published - 1.0).abs() < 2.5e-3, "{name}: {} instead of {published}", p.value);
     }
     let mass = answer.parameters.iter().find(|p| p.name.contains(".mass")).expect("the moving mass");
     println!("{}: {} [{}, {}]", mass.name, mass.value, mass.ci95[0], mass.ci95[1]);
-    assert!((mass.value / 95.1089 - 1.0).abs() < 2e-3, "{} kg", mass.value);
+    assert!((mass.value / 95.1089 - 1.0).abs() < 5e-4, "{} kg", mass.value);
 }
 
 #[test]
@@ -108,6 +109,9 @@ fn upv_legs_one_to_three_lose_at_least_two_fifths_of_their_error() {
     for j in answer.joints.iter().take(3) {
         assert!(j.identified < 0.6 * j.nominal, "{}: {:.3} of {:.3}", j.joint, j.identified, j.nominal);
     }
+    // The fourth leg keeps two thirds of its error.
+    let fourth = &answer.joints[3];
+    assert!(fourth.identified < 0.7 * fourth.nominal, "{}: {:.3} of {:.3}", fourth.joint, fourth.identified, fourth.nominal);
     assert!(answer.pooled(|j| j.identified) < 1.01 * pooled(&peer("upv_3ups_rpu")), "peer {:?}", peer("upv_3ups_rpu"));
 }
 
@@ -134,7 +138,7 @@ fn the_arm_with_a_parallelogram_is_predicted_as_its_authors_predict_it() {
     // The best of the authors' weighted least squares, of their feasible fit, and of the fit with every term in the README of the data.
     let best = [0.064, 0.141, 0.170, 0.209, 0.202, 0.234, 0.316];
     for (j, best) in answer.joints.iter().zip(best) {
-        assert!(j.identified < best + 0.02, "{}: {:.3}, best known {best}", j.joint, j.identified);
+        assert!(j.identified < best + 0.01, "{}: {:.3}, best known {best}", j.joint, j.identified);
     }
     assert!(answer.pooled(|j| j.identified) < 1.01 * pooled(&peer("dvrk_mtm")), "peer {:?}", peer("dvrk_mtm"));
 }

@@ -15,7 +15,7 @@ import time
 import types
 from pathlib import Path
 
-for library in ("OMP", "OPENBLAS", "MKL"):  # as many threads of linear algebra as pkm has: one
+for library in ("OMP", "OPENBLAS", "MKL"):  # one thread of linear algebra
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
 import cvxpy  # noqa: E402

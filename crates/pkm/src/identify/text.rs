@@ -120,7 +120,7 @@ fn gains(beside: &Beside, out: &mut Vec<String>) {
 
 fn payload(beside: &Beside, out: &mut Vec<String>) {
     let Some(p) = &beside.payload else { return };
-    let [x, y, z] = p.body.centre_of_mass().0.into();
+    let [x, y, z]: [f64; 3] = p.body.centre_of_mass().0.into();
     out.push(format!("\nPayload on {}: {} kg at ({}, {}, {}) m", p.link, number(p.body.mass), number(x), number(y), number(z)));
     let mut rows = vec![["value", "95 % interval", "unit", "shown by the motion"].map(str::to_string).to_vec()];
     rows.extend(p.shown.iter().map(|e| {

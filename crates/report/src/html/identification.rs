@@ -149,7 +149,7 @@ fn gains(beside: &Beside) -> String {
 
 fn payload(beside: &Beside) -> String {
     let Some(p) = &beside.payload else { return String::new() };
-    let [x, y, z] = p.body.centre_of_mass().0.into();
+    let [x, y, z]: [f64; 3] = p.body.centre_of_mass().0.into();
     let rows = p.shown.iter().map(|e| {
         let interval = format!("{} … {}", value(e.ci95[0]), value(e.ci95[1]));
         vec![value(e.value), interval, e.unit.to_owned(), esc(&e.name).to_string()]
