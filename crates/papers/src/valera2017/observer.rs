@@ -53,7 +53,7 @@ pub(super) fn noise() -> Result<(Vec<Row>, Plot), PaperError> {
             (Gate::Within(half_digit), checked),
         ));
     }
-    let why = "not printed: Ts = 10 ms and both poles at 1 − bandwidth·Ts; above 50/s the observer is noisier than differences";
+    let why = "not printed: Ts = 10 ms and both poles at 1 − bandwidth·Ts; above some 54/s the observer is noisier than differences";
     rows = rows.into_iter().map(|row| row.because(why)).collect();
     let points = (5..=70).map(|w| Ok((f64::from(w), of_observer(f64::from(w))?))).collect::<Result<Vec<_>, PaperError>>()?;
     let plot = Plot {
