@@ -33,6 +33,7 @@ pub mod observer;
 pub mod pd_gravity;
 pub mod pd_model;
 pub mod pid;
+mod pose_walk;
 pub mod tracking_differentiator;
 
 #[cfg(test)]
