@@ -146,4 +146,14 @@ fn what_cannot_be_designed_is_refused_in_one_line() {
     // Two inputs that are one: the second mode stays where it is.
     let twice = DMatrix::from_row_slice(2, 2, &[1.0, 1.0, 0.0, 0.0]);
     assert!(place(&A, &twice, &[pole(0.1, 0.0), pole(0.2, 0.0)]).is_err());
+    // Nothing reaches the unstable mode at 2; a large entry elsewhere hides none of it.
+    let A = DMatrix::from_row_slice(3, 3, &[2.0, 0.0, 0.0, 0.0, 0.0, 1e5, 0.0, 0.0, 0.0]);
+    let B = DMatrix::from_row_slice(3, 2, &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    assert!(place(&A, &B, &[pole(-1.0, 0.0), pole(-2.0, 0.0), pole(-3.0, 0.0)]).is_err());
+    // One pole that is found does not stand for two that are wanted.
+    let half = DMatrix::from_row_slice(2, 2, &[0.0, 0.0, 1.0, 1.0]);
+    assert!(place(&DMatrix::from_row_slice(2, 2, &[2.0, 0.0, 0.0, 1e4]), &half, &[pole(-1.0, 0.0), pole(-1.001, 0.0)]).is_err());
+    let none = DMatrix::zeros(0, 0);
+    assert_eq!(text(place(&none, &DMatrix::zeros(0, 1), &[]).expect_err("no states")), "states: 0 (must be at least one)");
+    assert_eq!(text(place(&one, &DMatrix::zeros(1, 0), &[pole(0.5, 0.0)]).expect_err("no inputs")), "inputs: 0 (must be at least one)");
 }

@@ -1,6 +1,6 @@
 //! Limits around a controller on a mass that moves: nothing passes an end at any speed, and every limit says where it acted.
 
-use pkm_ctrl::force::LinearTask;
+use pkm_ctrl::force::{ExplicitForce, ExplicitForceConfig, ForcePidConfig, LinearTask};
 use pkm_ctrl::limits::{LimitsConfig, Safe, TaskBox};
 use pkm_ctrl::{Acted, Command, Controller, Fault, FaultCode, Health, Input, Limit, Limited, PdGravity, PdGravityConfig};
 
@@ -206,7 +206,7 @@ fn a_push_of_the_environment_makes_the_robot_yield_and_a_harder_one_stops_it() {
 fn references_outside_the_workspace_or_near_a_singularity_are_not_followed_but_the_way_in_is() {
     // One drive is x, the other x + y/2, so that y is held by half: a margin that the box asks for or does not.
     let map = LinearTask::try_new([0.0; 2], [0.0; 2], [[1.0, 0.0], [1.0, 0.5]], [0, 1]).expect("full rank");
-    let space = |margin| TaskBox { map, lower: [-0.05; 2], upper: [0.05; 2], margin };
+    let space = |margin| TaskBox::try_new(map, [-0.05; 2], [0.05; 2], margin).expect("a box");
     let limited = Limited::within(position(), space(0.1), config()).expect("numbers in range");
     let mut state = limited.at_rest();
     let mut at = |q_ref: [f64; 2]| {
@@ -269,6 +269,74 @@ fn a_controller_that_fails_is_stopped() {
     assert!(falling.windows(2).all(|w| w[1] <= w[0]) && falling[59].abs() < 1e-12 && falling[0] > 20.0, "{falling:?}");
 }
 
+/// Sent to the safe command by what arrives in step `at`, standing at 0.25 and 0.08 `[m]`, the efforts from there on.
+fn after_a_fault(at: usize, spoil: impl Fn(&mut Input<2>)) -> Vec<[f64; 2]> {
+    let damped = LimitsConfig { safe: Safe::Damped([30.0; 2]), ..config() };
+    let limited = Limited::try_new(position(), damped).expect("numbers in range");
+    let (mut state, calm) = (limited.at_rest(), Masses { q: [0.25, 0.08], v: [0.0; 2] }.input());
+    let mut efforts = Vec::new();
+    for step in 0..at + 4 {
+        let mut input = calm;
+        if step == at {
+            spoil(&mut input);
+        }
+        let command = limited.step(&mut state, &input);
+        assert_eq!(command.health.is_faulted, step >= at, "step {step}: {:?}", command.health.fault);
+        if step >= at {
+            efforts.push(command.tau);
+        }
+    }
+    efforts
+}
+
+#[test]
+fn a_fault_in_the_first_step_carries_the_weight_and_pushes_nothing() {
+    let spoils: [fn(&mut Input<2>); 3] =
+        [|i| i.dt = 1.0, |i| i.tau_meas[1] = f64::NAN, |i| i.wrench_meas[0] = 1e3];
+    for spoil in spoils {
+        for tau in after_a_fault(0, spoil) {
+            assert!(tau.iter().all(|t| (t - SLOPE).abs() < 1e-12), "{tau:?}");
+        }
+    }
+    // The position is no number at first, and then one far from zero.
+    for tau in after_a_fault(0, |i| i.q_meas = [f64::NAN; 2]) {
+        assert!(tau.iter().all(|t| (t - SLOPE).abs() < 1e-12), "{tau:?}");
+    }
+}
+
+#[test]
+fn an_encoder_that_jumps_there_and_back_is_damped_as_the_fastest_motion_is() {
+    let efforts = after_a_fault(3, |i| i.q_meas[0] -= 0.4);
+    // 30 N·s/m at 1 m/s, against the jump and then against the way back; a jump of 0.4 m in 5 ms would be 2400 N.
+    let want = [SLOPE + 30.0, SLOPE - 30.0, SLOPE, SLOPE];
+    assert!(efforts.iter().zip(want).all(|(tau, want)| (tau[0] - want).abs() < 1e-9 && (tau[1] - SLOPE).abs() < 1e-12), "{efforts:?}");
+}
+
+#[test]
+fn a_controller_that_follows_no_reference_cannot_be_led_by_one() {
+    let force = || {
+        let pid = ForcePidConfig { kp: [0.1; 2], ki: [0.0; 2], kd: [0.0; 2], output_limit: [9.0; 2], rate_limit: [9.0; 2], filter_s: 0.0, dt: DT };
+        ExplicitForce::try_new(ExplicitForceConfig { pid, tau_limit: [60.0; 2] }).expect("numbers in range")
+    };
+    let free = LimitsConfig { wrench_yield: [f64::INFINITY; 6], ..config() };
+    let map = LinearTask::try_new([0.0; 2], [0.0; 2], [[1.0, 0.0], [0.0, 1.0]], [0, 1]).expect("full rank");
+    let space = || TaskBox::try_new(map, [-0.05; 2], [0.05; 2], 0.0).expect("a box");
+    assert!(Limited::try_new(force(), free).is_ok() && Limited::within(position(), space(), free).is_ok());
+    assert_eq!(Limited::try_new(force(), config()).expect_err("it would not yield").what, "wrench_yield");
+    assert_eq!(Limited::within(force(), space(), free).expect_err("it would not stay inside").what, "workspace");
+    let inside = Limited::try_new(force(), free).expect("numbers in range");
+    assert!(Limited::try_new(inside, config()).is_err(), "limits do not make it follow");
+}
+
+#[test]
+fn boxes_that_are_none_are_refused() {
+    let map = LinearTask::try_new([0.0], [0.0], [[1.0]], [0]).expect("full rank");
+    assert!(TaskBox::try_new(map, [-1.0], [1.0], 0.0).is_ok());
+    for (lower, upper, margin) in [(1.0, 1.0, 0.0), (f64::NAN, 1.0, 0.0), (-1.0, f64::INFINITY, 0.0), (-1.0, 1.0, -0.1), (-1.0, 1.0, f64::NAN)] {
+        assert!(TaskBox::try_new(map, [lower], [upper], margin).is_err(), "{lower} {upper} {margin}");
+    }
+}
+
 #[test]
 fn unusable_limits_are_refused() {
     for bad in [
@@ -276,6 +344,9 @@ fn unusable_limits_are_refused() {
         LimitsConfig { deceleration: [f64::NAN, 1.0], ..config() },
         LimitsConfig { tau_limit: [f64::INFINITY; 2], ..config() },
         LimitsConfig { brake: [0.0; 2], ..config() },
+        LimitsConfig { brake: [f64::INFINITY; 2], ..config() },
+        LimitsConfig { deceleration: [1.0, f64::INFINITY], ..config() },
+        LimitsConfig { brake: [f64::INFINITY; 2], q_lower: [f64::NEG_INFINITY; 2], q_upper: [f64::INFINITY; 2], ..config() },
         LimitsConfig { dt: f64::INFINITY, ..config() },
         LimitsConfig { wrench_limit: [0.0; 6], ..config() },
         LimitsConfig { safe: Safe::Ramp([-1.0; 2]), ..config() },

@@ -133,7 +133,7 @@ pub(crate) fn all() -> Vec<(&'static str, Box<dyn Running>)> {
     let observer = Decoupling { share: 0.2, power: 0.5, null_share: 0.0, apparent_mass: 5.0, forward: Forward::Holding };
     let exercise = ExerciseConfig { script: script(), pid: force_pid(), lower: [-0.05, -0.2, -0.2], upper: [0.1, 0.2, 0.2] };
     let exercise = Exercise::try_new(task(), position(), exercise).expect("numbers in range");
-    let space = TaskBox { map: task(), lower: [-0.05, -0.2, -0.2], upper: [0.08, 0.2, 0.2], margin: 1e-3 };
+    let space = TaskBox::try_new(task(), [-0.05, -0.2, -0.2], [0.08, 0.2, 0.2], 1e-3).expect("a box");
     vec![
         ("explicit force", start(ExplicitForce::try_new(explicit).expect("numbers in range"))),
         ("hybrid", start(hybrid())),

@@ -4,7 +4,8 @@
 //! `q'' = B·(u − tau_ff) + f`, `u = tau_ff + B⁻¹·(u0 − f̂)`, where `u0` is what a double integrator needs to follow the reference. `B` may
 //! couple the drives. The observer is fed the *clipped* input; it starts in agreement with the command it has to go on from.
 
-use crate::controller::{Command, ConfigError, Controller, Health, Input, are_finite, are_usable, clipped};
+use crate::controller::{Command, ConfigError, Controller, Health, Input, clipped, must_be_finite, must_be_usable};
+use crate::fault::{Fault, FaultCode};
 use crate::linear_system;
 use crate::observer::{LinearEso, NonlinearEso};
 use crate::tracking_differentiator::{TrackingDifferentiator, fhan};
@@ -74,7 +75,7 @@ pub struct AdrcState<const N: usize> {
     resume: Option<[f64; N]>,
     tau_safe: [f64; N],
     has_started: bool,
-    is_faulted: bool,
+    fault: Option<Fault>,
 }
 
 impl<const N: usize> Adrc<N> {
@@ -147,11 +148,9 @@ impl<const N: usize> Adrc<N> {
         }
     }
 
-    fn attempt(&self, state: &mut AdrcState<N>, input: &Input<N>) -> Option<Command<N>> {
+    fn attempt(&self, state: &mut AdrcState<N>, input: &Input<N>) -> Result<Command<N>, Fault> {
         let signals = [&input.q_meas, &input.q_ref, &input.v_ref, &input.a_ref, &input.tau_ff];
-        if !are_usable(&signals, input.dt) {
-            return None;
-        }
+        must_be_usable(&signals, input.dt)?;
         if state.has_started {
             self.observe(state, input);
         } else {
@@ -169,14 +168,12 @@ impl<const N: usize> Adrc<N> {
         });
         let push = linear_system::product(&self.b_inverse, &left);
         let wanted: [f64; N] = core::array::from_fn(|k| input.tau_ff[k] + push[k]);
-        if !are_finite(&[&wanted]) {
-            return None;
-        }
+        must_be_finite(FaultCode::CommandNotFinite, &[&wanted])?;
         let (tau, is_saturated) = clipped(&wanted, &self.config.limit);
         let sent = core::array::from_fn(|k| tau[k] - input.tau_ff[k]);
         state.a_sent = linear_system::product(&self.config.b, &sent);
         state.tau_safe = clipped(&input.tau_ff, &self.config.limit).0;
-        Some(Command { tau, health: Health { is_saturated, ..Health::default() } })
+        Ok(Command { tau, health: Health { is_saturated, ..Health::default() } })
     }
 }
 
@@ -191,20 +188,20 @@ impl<const N: usize> Controller<N> for Adrc<N> {
             resume: None,
             tau_safe: [0.0; N],
             has_started: false,
-            is_faulted: false,
+            fault: None,
         }
     }
 
     /// One period. On a fault the command is the last finite feed-forward, clipped: it carries the weight and pushes no further; zero where
     /// inputs are voltages of drives that hold themselves.
     fn step(&self, state: &mut Self::State, input: &Input<N>) -> Command<N> {
-        if !state.is_faulted {
-            if let Some(command) = self.attempt(state, input) {
-                return command;
+        if state.fault.is_none() {
+            match self.attempt(state, input) {
+                Ok(command) => return command,
+                Err(fault) => state.fault = Some(fault),
             }
-            state.is_faulted = true;
         }
-        Command::faulted(state.tau_safe)
+        Command::faulted(state.tau_safe, state.fault)
     }
 }
 
@@ -313,8 +310,10 @@ mod tests {
         let mut state = adrc.at_rest();
         let good = Input { tau_ff: [1.0, -20.0], ..Input::standing([0.4, 0.2], DT) };
         let _ = adrc.step(&mut state, &good);
-        assert_eq!(adrc.step(&mut state, &Input { q_meas: [f64::NAN, 0.0], ..good }), Command::faulted([1.0, -6.0]));
-        assert_eq!(adrc.step(&mut state, &good), Command::faulted([1.0, -6.0]));
+        for input in [Input { q_ref: [0.0, f64::INFINITY], ..good }, good] {
+            let fault = Fault { code: FaultCode::InputNotFinite, drive: 1, value: f64::INFINITY, limit: 0.0 };
+            assert_eq!(adrc.step(&mut state, &input), Command::faulted([1.0, -6.0], Some(fault)));
+        }
         for bad in [
             AdrcConfig { b: [[1.0, 2.0], [0.5, 1.0]], ..config() },
             AdrcConfig { b: [[f64::NAN; 2]; 2], ..config() },

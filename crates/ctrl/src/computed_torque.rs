@@ -5,8 +5,9 @@
 
 use pkm_dyn::effects::Robot;
 
-use crate::controller::{Command, ConfigError, Controller, Health, Input, are_finite, are_usable, clipped};
-use crate::drive_model::{DriveModel, DriveModelState};
+use crate::controller::{Command, ConfigError, Controller, Health, Input, clipped, must_be_finite, must_be_usable};
+use crate::fault::{Fault, FaultCode};
+use crate::drive_model::{DriveModel, DriveModelState, NO_ACCELERATION};
 use crate::observer::{Sample, VelocityObserver};
 
 /// Which velocity the friction that is compensated belongs to.
@@ -82,7 +83,7 @@ pub struct ComputedTorqueState<const N: usize, S> {
     tau_sent: [f64; N],
     tau_safe: [f64; N],
     has_started: bool,
-    is_faulted: bool,
+    fault: Option<Fault>,
 }
 
 impl<const N: usize, O: VelocityObserver<N>> ComputedTorque<N, O> {
@@ -106,11 +107,9 @@ impl<const N: usize, O: VelocityObserver<N>> ComputedTorque<N, O> {
         state
     }
 
-    fn attempt(&self, state: &mut ComputedTorqueState<N, O::State>, input: &Input<N>) -> Option<Command<N>> {
+    fn attempt(&self, state: &mut ComputedTorqueState<N, O::State>, input: &Input<N>) -> Result<Command<N>, Fault> {
         let signals = [&input.q_meas, &input.q_ref, &input.v_ref, &input.a_ref];
-        if !are_usable(&signals, input.dt) {
-            return None;
-        }
+        must_be_usable(&signals, input.dt)?;
         if !state.has_started {
             self.observer.reset_to(&mut state.observer, &input.q_meas, &[0.0; N]);
             state.has_started = true;
@@ -120,9 +119,7 @@ impl<const N: usize, O: VelocityObserver<N>> ComputedTorque<N, O> {
         let a: [f64; N] = core::array::from_fn(|k| {
             input.a_ref[k] + self.config.kd[k] * (input.v_ref[k] - state.v_hat[k]) + self.config.kp[k] * (input.q_ref[k] - input.q_meas[k])
         });
-        if !are_finite(&[&state.v_hat, &a]) {
-            return None;
-        }
+        must_be_finite(FaultCode::CommandNotFinite, &[&state.v_hat, &a])?;
         let v_friction = match self.config.friction_velocity {
             FrictionVelocity::Reference => input.v_ref,
             FrictionVelocity::Estimate => state.v_hat,
@@ -133,11 +130,11 @@ impl<const N: usize, O: VelocityObserver<N>> ComputedTorque<N, O> {
         if is_saturated {
             // The linear observer's model is "what is sent is what happens": it must hear what the clipped efforts make of it.
             let lost = core::array::from_fn(|k| tau[k] - wanted[k]);
-            let change = self.model.acceleration_of(&mut state.model, &lost)?;
+            let change = self.model.acceleration_of(&mut state.model, &lost).ok_or(NO_ACCELERATION)?;
             state.a_sent = core::array::from_fn(|k| a[k] + change[k]);
         }
         state.tau_sent = tau;
-        Some(Command { tau, health: Health { is_saturated, ..Health::default() } })
+        Ok(Command { tau, health: Health { is_saturated, ..Health::default() } })
     }
 }
 
@@ -154,7 +151,7 @@ impl<const N: usize, O: VelocityObserver<N>> Controller<N> for ComputedTorque<N,
             tau_sent: zero,
             tau_safe: zero,
             has_started: false,
-            is_faulted: false,
+            fault: None,
         }
     }
 
@@ -164,14 +161,14 @@ impl<const N: usize, O: VelocityObserver<N>> Controller<N> for ComputedTorque<N,
     /// On a fault (a number that is not finite, loops that do not close, an encoder of a surplus drive that contradicts the others) the
     /// command is the weight at the last good pose, clipped: it carries the robot and pushes no further. Zero before any good pose.
     fn step(&self, state: &mut Self::State, input: &Input<N>) -> Command<N> {
-        if !state.is_faulted {
-            if let Some(command) = self.attempt(state, input) {
-                return command;
+        if state.fault.is_none() {
+            match self.attempt(state, input) {
+                Ok(command) => return command,
+                Err(fault) => state.fault = Some(fault),
             }
-            state.is_faulted = true;
             let weight = self.model.weight(&mut state.model).unwrap_or([0.0; N]);
             state.tau_safe = clipped(&weight, &self.config.tau_limit).0;
         }
-        Command::faulted(state.tau_safe)
+        Command::faulted(state.tau_safe, state.fault)
     }
 }

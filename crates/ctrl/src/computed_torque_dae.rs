@@ -6,8 +6,9 @@
 
 use pkm_dyn::effects::Robot;
 
-use crate::controller::{Command, ConfigError, Controller, Health, Input, are_finite, are_usable, clipped};
-use crate::drive_model::{DriveModel, DriveModelState};
+use crate::controller::{Command, ConfigError, Controller, Health, Input, clipped, must_be_finite, must_be_usable};
+use crate::fault::{Fault, FaultCode};
+use crate::drive_model::{DriveModel, DriveModelState, NO_ACCELERATION};
 use crate::error_dynamics::ErrorGains;
 use crate::observer::{Sample, VelocityObserver};
 
@@ -48,7 +49,7 @@ pub struct ComputedTorqueDaeState<const N: usize, S> {
     tau_sent: [f64; N],
     was_saturated: [bool; N],
     has_started: bool,
-    is_faulted: bool,
+    fault: Option<Fault>,
 }
 
 impl<const N: usize, O: VelocityObserver<N>> ComputedTorqueDae<N, O> {
@@ -79,12 +80,10 @@ impl<const N: usize, O: VelocityObserver<N>> ComputedTorqueDae<N, O> {
         state
     }
 
-    fn attempt(&self, state: &mut ComputedTorqueDaeState<N, O::State>, input: &Input<N>) -> Option<Command<N>> {
+    fn attempt(&self, state: &mut ComputedTorqueDaeState<N, O::State>, input: &Input<N>) -> Result<Command<N>, Fault> {
         let signals = [&input.q_meas, &input.q_ref, &input.v_ref, &input.a_ref];
         let dt = input.dt;
-        if !are_usable(&signals, dt) {
-            return None;
-        }
+        must_be_usable(&signals, dt)?;
         let e: [f64; N] = core::array::from_fn(|k| input.q_ref[k] - input.q_meas[k]);
         if !state.has_started {
             self.observer.reset_to(&mut state.observer, &input.q_meas, &[0.0; N]);
@@ -104,31 +103,27 @@ impl<const N: usize, O: VelocityObserver<N>> ComputedTorqueDae<N, O> {
             let gains = &self.config.gains[k];
             input.a_ref[k] - (gains.ki * state.integral[k] + gains.kp * e[k] + gains.kv * (input.v_ref[k] - state.v_hat[k]))
         });
-        if !are_finite(&[&state.v_hat, &state.integral, &a]) {
-            return None;
-        }
+        must_be_finite(FaultCode::CommandNotFinite, &[&state.v_hat, &state.integral, &a])?;
         let v_hat = state.v_hat;
         let wanted = self.model.effort(&mut state.model, [&input.q_meas, &v_hat, &a], &v_hat)?;
         self.integrate(state, &wanted, &a, dt)
     }
 
     /// The voltages after `dt` `[s]` of the rates that `wanted` efforts need, and what their limits leave of efforts and accelerations.
-    fn integrate(&self, state: &mut ComputedTorqueDaeState<N, O::State>, wanted: &[f64; N], a: &[f64; N], dt: f64) -> Option<Command<N>> {
+    fn integrate(&self, state: &mut ComputedTorqueDaeState<N, O::State>, wanted: &[f64; N], a: &[f64; N], dt: f64) -> Result<Command<N>, Fault> {
         let next: [f64; N] = core::array::from_fn(|k| state.u[k] + dt * wanted[k] / self.config.b0[k]);
-        if !are_finite(&[&next]) {
-            return None;
-        }
+        must_be_finite(FaultCode::CommandNotFinite, &[&next])?;
         let (u, is_saturated) = clipped(&next, &self.config.u_limit);
         state.was_saturated = core::array::from_fn(|k| next[k].abs() > self.config.u_limit[k]);
         (state.a_sent, state.tau_sent) = (*a, *wanted);
         if is_saturated {
             state.tau_sent = core::array::from_fn(|k| self.config.b0[k] * (u[k] - state.u[k]) / dt);
             let lost = core::array::from_fn(|k| state.tau_sent[k] - wanted[k]);
-            let change = self.model.acceleration_of(&mut state.model, &lost)?;
+            let change = self.model.acceleration_of(&mut state.model, &lost).ok_or(NO_ACCELERATION)?;
             state.a_sent = core::array::from_fn(|k| a[k] + change[k]);
         }
         state.u = u;
-        Some(Command { tau: u, health: Health { is_saturated, ..Health::default() } })
+        Ok(Command { tau: u, health: Health { is_saturated, ..Health::default() } })
     }
 }
 
@@ -148,7 +143,7 @@ impl<const N: usize, O: VelocityObserver<N>> Controller<N> for ComputedTorqueDae
             tau_sent: zero,
             was_saturated: [false; N],
             has_started: false,
-            is_faulted: false,
+            fault: None,
         }
     }
 
@@ -157,12 +152,12 @@ impl<const N: usize, O: VelocityObserver<N>> Controller<N> for ComputedTorqueDae
     /// On a fault the command is zero volts: a drive that takes the integral of an effort stands still without voltage, and its screw
     /// carries the weight.
     fn step(&self, state: &mut Self::State, input: &Input<N>) -> Command<N> {
-        if !state.is_faulted {
-            if let Some(command) = self.attempt(state, input) {
-                return command;
+        if state.fault.is_none() {
+            match self.attempt(state, input) {
+                Ok(command) => return command,
+                Err(fault) => state.fault = Some(fault),
             }
-            state.is_faulted = true;
         }
-        Command::faulted([0.0; N])
+        Command::faulted([0.0; N], state.fault)
     }
 }

@@ -106,8 +106,9 @@ fn not_a_number_latches_a_fault_and_the_weight_at_the_last_good_pose_stays_carri
         let command = law.step(&mut state, &bad);
         assert!(command.health.is_faulted && (0..2).all(|k| (command.tau[k] - weight[k]).abs() < 1e-12), "{command:?}");
     }
-    let first = law.step(&mut law.at_rest(), &Input { dt: f64::NAN, ..good });
-    assert_eq!(first, Command::faulted([0.0; 2]));
+    let first = law.step(&mut law.at_rest(), &Input { dt: -0.5, ..good });
+    let period = Fault { code: FaultCode::Period, drive: 0, value: -0.5, limit: 0.0 };
+    assert_eq!(first, Command::faulted([0.0; 2], Some(period)));
     let overflow = law.step(&mut law.at_rest(), &Input { q_ref: [1e308, -1e308], v_ref: [-1e308, 0.0], ..good });
     assert!(overflow.health.is_faulted && overflow.tau.iter().all(|x| x.is_finite()));
 }

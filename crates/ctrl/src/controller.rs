@@ -1,6 +1,6 @@
 //! What every controller is: numbers in `self`, state outside, a step that always answers.
 
-use crate::fault::{Acted, Fault};
+use crate::fault::{Acted, Fault, FaultCode};
 
 /// What a controller sees in one period; one entry per drive. A controller reads what its law needs and nothing else.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,6 +70,9 @@ pub struct Command<const N: usize> {
 
 /// A controller of `N` drives.
 pub trait Controller<const N: usize> {
+    /// Whether it goes where `q_ref` says: one that does not cannot be led by its reference.
+    const FOLLOWS_REFERENCE: bool = true;
+
     /// What changes from step to step.
     type State;
 
@@ -115,19 +118,29 @@ impl ConfigError {
 
 impl<const N: usize> Command<N> {
     /// The safe command of a controller whose fault has latched.
-    pub(crate) fn faulted(tau: [f64; N]) -> Self {
-        Self { tau, health: Health { is_faulted: true, ..Health::default() } }
+    pub(crate) fn faulted(tau: [f64; N], fault: Option<Fault>) -> Self {
+        Self { tau, health: Health { is_faulted: true, fault, ..Health::default() } }
     }
 }
 
-/// Whether every number of every signal is finite, and the period a positive number.
-pub(crate) fn are_usable<const N: usize>(signals: &[&[f64; N]], dt: f64) -> bool {
-    are_finite(signals) && dt.is_finite() && dt > 0.0
+/// The first number of the first signal that is not finite.
+pub(crate) fn first_not_finite(signals: &[(FaultCode, &[f64])]) -> Option<Fault> {
+    let in_one = |(code, values): &(FaultCode, &[f64])| {
+        let drive = values.iter().position(|x| !x.is_finite())?;
+        Some(Fault { code: *code, drive, value: values[drive], limit: 0.0 })
+    };
+    signals.iter().find_map(in_one)
 }
 
-/// Whether every number of every signal is finite.
-pub(crate) fn are_finite<const N: usize>(signals: &[&[f64; N]]) -> bool {
-    signals.iter().flat_map(|signal| signal.iter()).all(|x| x.is_finite())
+/// Refuses a signal with a number that is not finite, and a period that is no positive number.
+pub(crate) fn must_be_usable<const N: usize>(signals: &[&[f64; N]], dt: f64) -> Result<(), Fault> {
+    must_be_finite(FaultCode::InputNotFinite, signals)?;
+    if dt.is_finite() && dt > 0.0 { Ok(()) } else { Err(Fault { code: FaultCode::Period, drive: 0, value: dt, limit: 0.0 }) }
+}
+
+/// Refuses a signal with a number that is not finite.
+pub(crate) fn must_be_finite<const N: usize>(code: FaultCode, signals: &[&[f64; N]]) -> Result<(), Fault> {
+    signals.iter().find_map(|signal| first_not_finite(&[(code, signal.as_slice())])).map_or(Ok(()), Err)
 }
 
 /// Every entry within plus and minus its limit, and whether one was outside.

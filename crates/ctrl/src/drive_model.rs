@@ -6,14 +6,19 @@ use alloc::vec::Vec;
 use pkm_dyn::constrained::reduced_mass_matrix;
 use pkm_dyn::effects::{JointState, Law, Robot};
 use pkm_dyn::inverse_dynamics::{inverse_dynamics, project_efforts};
-use pkm_dyn::loops::{assemble, distribute, drive_jacobian, solve_positions};
+use pkm_dyn::loops::{assemble, distribute, drive_jacobian};
 use pkm_dyn::{Data, math};
 
-use crate::controller::ConfigError;
+use crate::controller::{ConfigError, must_be_finite};
+use crate::fault::{Fault, FaultCode};
 use crate::linear_system;
+use crate::pose_walk::{walk, walk_if_far};
 
 /// Parts of the way from the assembly to the first measured pose: one Newton jump over a long way can land on another branch.
 const WALK_PARTS: u32 = 40;
+
+/// Why a command whose clipped efforts have no acceleration is none: the inertia at its pose cannot be inverted.
+pub(crate) const NO_ACCELERATION: Fault = Fault { code: FaultCode::CommandNotFinite, drive: 0, value: f64::NAN, limit: 0.0 };
 
 /// A robot with `N` drives, checked once: it can be followed from sample to sample without allocating.
 #[derive(Debug, Clone)]
@@ -79,15 +84,24 @@ impl<const N: usize> DriveModel<N> {
     }
 
     /// Efforts of the drives for `[q, v, a]` of the drives, friction and joint effects included, their friction at velocities
-    /// `v_friction`; `None` where the loops do not close or a number is not finite.
-    pub(crate) fn effort(&self, state: &mut DriveModelState, [q, v, a]: [&[f64; N]; 3], v_friction: &[f64; N]) -> Option<[f64; N]> {
+    /// `v_friction`.
+    ///
+    /// # Errors
+    /// Loops that do not close, surplus drives that contradict the others, a number that is not finite. The pose stays the last good one.
+    pub(crate) fn effort(&self, state: &mut DriveModelState, [q, v, a]: [&[f64; N]; 3], v_friction: &[f64; N]) -> Result<[f64; N], Fault> {
         let model = &self.robot.model;
-        if !state.has_started && !self.walk(state, q) {
-            return None;
-        }
-        let closure = inverse_dynamics(model, &mut state.data, q, v, a);
-        if !closure.is_closed || closure.misfit > self.misfit_limit {
-            return None;
+        must_be_finite(FaultCode::InputNotFinite, &[q, v, a])?;
+        let data = &mut state.data;
+        let is_there = if state.has_started { walk_if_far(model, data, q) } else { walk(model, data, q, WALK_PARTS) };
+        let closure = inverse_dynamics(model, data, q, v, a);
+        if !is_there || !closure.is_closed || closure.misfit > self.misfit_limit {
+            // What Newton left behind is no start for the next sample.
+            data.q.copy_from_slice(&state.good);
+            return Err(if is_there && closure.is_closed {
+                Fault { code: FaultCode::Misfit, drive: 0, value: closure.misfit, limit: self.misfit_limit }
+            } else {
+                Fault { code: FaultCode::LoopGap, drive: 0, value: closure.gap, limit: 0.0 }
+            });
         }
         state.has_started = true;
         state.good.copy_from_slice(&state.data.q);
@@ -97,7 +111,8 @@ impl<const N: usize> DriveModel<N> {
             tau[k] += self.robot.joint_effort(j, &self.joint_state(&state.data, j, speed, state.data.tau_act[k]));
         }
         self.add_passive(state, v_friction, &mut tau);
-        tau.iter().all(|x| x.is_finite()).then_some(tau)
+        must_be_finite(FaultCode::CommandNotFinite, &[&tau])?;
+        Ok(tau)
     }
 
     /// Effort that carries the robot at rest at the last pose at which its loops closed; `None` before there was one.
@@ -105,11 +120,10 @@ impl<const N: usize> DriveModel<N> {
         if !state.has_started {
             return None;
         }
-        // What Newton left in the tree coordinates of a pose that did not close is no start.
         state.data.q.copy_from_slice(&state.good);
         let q = core::array::from_fn(|k| state.good[self.robot.model.actuators[k]]);
         let zero = [0.0; N];
-        self.effort(state, [&q, &zero, &zero], &zero)
+        self.effort(state, [&q, &zero, &zero], &zero).ok()
     }
 
     /// Inertia of the drives at the pose of the last [`DriveModel::effort`] `[kg | kg·m²]`, that of joint effects included.
@@ -151,17 +165,6 @@ impl<const N: usize> DriveModel<N> {
         }
         let is_sound = linear_system::solve(mass, n, &mut a_ind);
         is_sound.then(|| core::array::from_fn(|k| (0..n).map(|i| b[(k, i)] * a_ind[i]).sum()))
-    }
-
-    /// From the assembly to the first pose in small parts, as [`pkm_dyn::loops::walk_to`] does, without allocating.
-    fn walk(&self, state: &mut DriveModelState, q: &[f64; N]) -> bool {
-        let model = &self.robot.model;
-        let start: [f64; N] = core::array::from_fn(|k| state.data.q[model.actuators[k]]);
-        (1..=WALK_PARTS).all(|part| {
-            let share = f64::from(part) / f64::from(WALK_PARTS);
-            let way: [f64; N] = core::array::from_fn(|k| start[k] + share * (q[k] - start[k]));
-            solve_positions(model, &mut state.data, &way).is_closed
-        })
     }
 
     fn add_passive(&self, state: &mut DriveModelState, v_friction: &[f64; N], tau: &mut [f64; N]) {

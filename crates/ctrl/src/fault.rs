@@ -15,7 +15,7 @@ pub enum Limit {
     Wrench,
     /// A reference outside the workspace was not followed.
     Workspace,
-    /// A reference too near a singularity was not followed.
+    /// A reference too near a singularity was not followed, or the task was lost: its loops do not close, or the drives do not hold it.
     Singularity,
 }
 
@@ -92,6 +92,14 @@ pub enum FaultCode {
     Controller = 10,
     /// The guarded controller answered with an effort that is no number.
     CommandNotFinite = 11,
+    /// Loops of the model do not close at the measured positions: the gap that is left `[m | rad]`.
+    LoopGap = 12,
+    /// Coordinates of surplus drives contradict the others `[m | rad]`.
+    Misfit = 13,
+    /// A number that the controller's law needs is none.
+    InputNotFinite = 14,
+    /// The time since the last step is no positive number `[s]`.
+    Period = 15,
 }
 
 /// The first fault of a controller; later ones do not replace it.

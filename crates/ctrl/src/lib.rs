@@ -36,6 +36,7 @@ pub mod pd_gravity;
 pub mod pd_model;
 pub mod pid;
 pub mod running;
+mod pose_walk;
 pub mod tracking_differentiator;
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 
 use pkm_dyn::math;
 
-use crate::controller::{Command, ConfigError, Controller, Health, Input};
+use crate::controller::{Command, ConfigError, Controller, Health, Input, first_not_finite};
 use crate::fault::{Fault, FaultCode, Limit};
 use crate::force::task::TaskMap;
 
@@ -32,9 +32,9 @@ pub struct LimitsConfig<const N: usize> {
     pub q_upper: [f64; N],
     /// How far outside its range a drive may be found before that is a fault `[m | rad]`.
     pub q_tolerance: f64,
-    /// Deceleration that each drive surely reaches `[m/s² | rad/s²]`.
+    /// Deceleration that each drive surely reaches `[m/s² | rad/s²]`; finite where its range is.
     pub deceleration: [f64; N],
-    /// Effort beyond the model's that surely gives it `[N | N·m]`.
+    /// Effort beyond the model's that surely gives it `[N | N·m]`; finite where its range or its speed is limited.
     pub brake: [f64; N],
     /// Speed from which on a drive is not pushed any faster `[m/s | rad/s]`; a fault at one and a half times that.
     pub v_limit: [f64; N],
@@ -58,6 +58,9 @@ pub struct LimitsConfig<const N: usize> {
 
 /// Which references the robot may be asked to follow.
 pub trait Workspace<const N: usize> {
+    /// Whether it refuses no reference at all.
+    const IS_EVERYWHERE: bool = false;
+
     /// Room of the geometry.
     type State;
 
@@ -75,6 +78,8 @@ pub struct Anywhere;
 impl<const N: usize> Workspace<N> for Anywhere {
     type State = ();
 
+    const IS_EVERYWHERE: bool = true;
+
     fn at_rest(&self) -> Self::State {}
 
     fn outside(&self, (): &mut (), _: &[f64; N]) -> Option<(Limit, f64)> {
@@ -85,14 +90,30 @@ impl<const N: usize> Workspace<N> for Anywhere {
 /// A box in the coordinates of a task, away from singularities.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TaskBox<const M: usize, K> {
-    /// The task.
-    pub map: K,
-    /// Smallest coordinates `[m | rad]`.
-    pub lower: [f64; M],
-    /// Largest coordinates `[m | rad]`.
-    pub upper: [f64; M],
-    /// Smallest margin of the task.
-    pub margin: f64,
+    map: K,
+    lower: [f64; M],
+    upper: [f64; M],
+    margin: f64,
+}
+
+impl<const M: usize, K> TaskBox<M, K> {
+    /// Coordinates of `map` within `lower` and `upper` `[m | rad]`, where the task's margin is at least `margin`.
+    ///
+    /// # Errors
+    /// Ranges that are empty, a margin that is negative, anything that is not finite.
+    pub fn try_new(map: K, lower: [f64; M], upper: [f64; M], margin: f64) -> Result<Self, ConfigError> {
+        let bad = |drive, what, value, limit| Err(ConfigError { drive, what, value, limit });
+        for k in 0..M {
+            if let Some((what, value)) = [("lower", lower[k]), ("upper", upper[k])].into_iter().find(|(_, x)| !x.is_finite()) {
+                return bad(k, what, value, "must be finite");
+            }
+            if upper[k] <= lower[k] {
+                return bad(k, "upper - lower", upper[k] - lower[k], "must be > 0");
+            }
+        }
+        ConfigError::unless_non_negative("margin", &[margin])?;
+        Ok(Self { map, lower, upper, margin })
+    }
 }
 
 impl<const N: usize, const M: usize, K: TaskMap<N, M>> Workspace<N> for TaskBox<M, K> {
@@ -146,6 +167,21 @@ impl<const N: usize, I, S> LimitedState<N, I, S> {
     }
 }
 
+/// Refuses what makes the way to stop no number: an infinite brake where there is an end or a speed to stop at.
+fn check_stopping<const N: usize>(c: &LimitsConfig<N>) -> Result<(), ConfigError> {
+    for drive in 0..N {
+        let has_end = c.q_lower[drive].is_finite() || c.q_upper[drive].is_finite();
+        let needed = [
+            ("deceleration", c.deceleration[drive], has_end),
+            ("brake", c.brake[drive], has_end || c.v_limit[drive].is_finite()),
+        ];
+        if let Some((what, value, _)) = needed.into_iter().find(|(_, x, is_needed)| *is_needed && !x.is_finite()) {
+            return Err(ConfigError { drive, what, value, limit: "must be finite where there is something to stop at" });
+        }
+    }
+    Ok(())
+}
+
 impl<const N: usize, C: Controller<N>> Limited<N, C> {
     /// Checks the numbers; no workspace.
     ///
@@ -160,10 +196,20 @@ impl<const N: usize, C: Controller<N>, W: Workspace<N>> Limited<N, C, W> {
     /// Checks the numbers.
     ///
     /// # Errors
-    /// Empty ranges, limits that are not positive, a period that is not finite, anything that is no number.
+    /// Empty ranges, limits that are not positive, a period that is not finite, a brake that is not where there is something to stop at,
+    /// anything that is no number; a workspace, or a wrench from which on to yield, around a controller that follows no reference.
     pub fn within(inner: C, workspace: W, config: LimitsConfig<N>) -> Result<Self, ConfigError> {
         let bad = |drive, what, value, limit| Err(ConfigError { drive, what, value, limit });
         let c = &config;
+        check_stopping(c)?;
+        if !C::FOLLOWS_REFERENCE {
+            if let Some(k) = c.wrench_yield.iter().position(|w| w.is_finite()) {
+                return bad(k, "wrench_yield", c.wrench_yield[k], "must be infinite: the controller follows no reference");
+            }
+            if !W::IS_EVERYWHERE {
+                return bad(0, "workspace", 0.0, "must be none: the controller follows no reference");
+            }
+        }
         for k in 0..N {
             let room = c.q_upper[k] - c.q_lower[k];
             let positive = [
@@ -217,10 +263,8 @@ impl<const N: usize, C: Controller<N>, W: Workspace<N>> Limited<N, C, W> {
             (FaultCode::ReferenceNotFinite, &input.tau_ff),
             (FaultCode::Late, &[input.dt]),
         ];
-        for (code, values) in signals {
-            if let Some(drive) = values.iter().position(|x| !x.is_finite()) {
-                return Some(Fault { code, drive, value: values[drive], limit: 0.0 });
-            }
+        if let Some(fault) = first_not_finite(&signals) {
+            return Some(fault);
         }
         if input.dt <= 0.0 || input.dt > c.dt_limit {
             return Some(Fault { code: FaultCode::Late, drive: 0, value: input.dt, limit: c.dt_limit });
@@ -254,15 +298,16 @@ impl<const N: usize, C: Controller<N>, W: Workspace<N>> Limited<N, C, W> {
                 Safe::Zero => 0.0,
                 Safe::Weight => state.weight[k],
                 Safe::Damped(d) => {
-                    let v = (input.q_meas[k] - state.q_last[k]) / dt;
-                    state.weight[k] - if v.is_finite() { d[k] * v } else { 0.0 }
+                    // Before the second sample there is no difference, and a jump of an encoder is no speed.
+                    let v = if state.has_started { (input.q_meas[k] - state.q_last[k]) / dt } else { 0.0 };
+                    state.weight[k] - if v.is_finite() { d[k] * v.clamp(-c.v_limit[k], c.v_limit[k]) } else { 0.0 }
                 }
                 Safe::Ramp(rate) => state.tau_last[k] - state.tau_last[k].clamp(-rate[k] * dt, rate[k] * dt),
             };
             wanted.clamp(-c.tau_limit[k], c.tau_limit[k])
         });
         if input.q_meas.iter().all(|q| q.is_finite()) {
-            state.q_last = input.q_meas;
+            (state.q_last, state.has_started) = (input.q_meas, true);
         }
         state.tau_last = tau;
         Command { tau, health: Health { is_faulted: true, fault: state.fault, ..Health::default() } }
@@ -351,6 +396,8 @@ fn fingerprint<const N: usize>(input: &Input<N>) -> u64 {
 impl<const N: usize, C: Controller<N>, W: Workspace<N>> Controller<N> for Limited<N, C, W> {
     type State = LimitedState<N, C::State, W::State>;
 
+    const FOLLOWS_REFERENCE: bool = C::FOLLOWS_REFERENCE;
+
     fn at_rest(&self) -> Self::State {
         let zero = [0.0; N];
         LimitedState {
@@ -380,6 +427,9 @@ impl<const N: usize, C: Controller<N>, W: Workspace<N>> Controller<N> for Limite
         if state.has_started && input.dt > 0.0 {
             state.v = core::array::from_fn(|k| (input.q_meas[k] - state.q_last[k]) / input.dt);
         }
+        if input.tau_ff.iter().all(|t| t.is_finite()) {
+            state.weight = core::array::from_fn(|k| input.tau_ff[k].clamp(-self.config.tau_limit[k], self.config.tau_limit[k]));
+        }
         state.fault = self.offence(state, input);
         if state.fault.is_some() {
             return self.safe(state, input);
@@ -390,7 +440,6 @@ impl<const N: usize, C: Controller<N>, W: Workspace<N>> Controller<N> for Limite
         let (mut allowed, mut health) = (*input, Health::default());
         self.references(state, &mut allowed, &mut health);
         let answer = self.inner.step(&mut state.inner, &allowed);
-        state.weight = core::array::from_fn(|k| input.tau_ff[k].clamp(-self.config.tau_limit[k], self.config.tau_limit[k]));
         if answer.health.is_faulted {
             let own = Fault { code: FaultCode::Controller, drive: 0, value: 0.0, limit: 0.0 };
             state.fault = Some(answer.health.fault.unwrap_or(own));

@@ -2,9 +2,9 @@
 //!
 //! The velocity estimate is the first difference of the measured position through a first-order low-pass.
 
-use pkm_dyn::math;
-
-use crate::controller::{Command, ConfigError, Controller, Health, Input};
+use crate::controller::{Command, ConfigError, Controller, Health, Input, must_be_usable};
+use crate::fault::{Fault, FaultCode};
+use crate::filter::low_pass_share;
 
 /// Numbers of a [`PdGravity`]; arrays have one entry per drive.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,8 +25,6 @@ pub struct PdGravityConfig<const N: usize> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PdGravity<const N: usize> {
     config: PdGravityConfig<N>,
-    /// Share of the new difference in the velocity estimate: the exact discretisation of the first-order low-pass.
-    share: f64,
 }
 
 /// What a [`PdGravity`] remembers.
@@ -37,12 +35,12 @@ pub struct PdGravityState<const N: usize> {
     pub v_hat: [f64; N],
     tau_safe: [f64; N],
     has_started: bool,
-    is_faulted: bool,
+    fault: Option<Fault>,
 }
 
 impl<const N: usize> Default for PdGravityState<N> {
     fn default() -> Self {
-        Self { q_last: [0.0; N], v_hat: [0.0; N], tau_safe: [0.0; N], has_started: false, is_faulted: false }
+        Self { q_last: [0.0; N], v_hat: [0.0; N], tau_safe: [0.0; N], has_started: false, fault: None }
     }
 }
 
@@ -70,8 +68,7 @@ impl<const N: usize> PdGravity<N> {
         if !(config.filter_s.is_finite() && config.filter_s >= 0.0) {
             return bad(0, "filter_s", config.filter_s, "must be finite and >= 0");
         }
-        let share = if config.filter_s > 0.0 { 1.0 - math::exp(-config.dt / config.filter_s) } else { 1.0 };
-        Ok(Self { config, share })
+        Ok(Self { config })
     }
 
     fn clip(&self, k: usize, tau: f64) -> f64 {
@@ -89,28 +86,31 @@ impl<const N: usize> Controller<N> for PdGravity<N> {
     /// One period. On a fault the command is the last finite feed-forward effort: it carries the weight and pushes no further.
     fn step(&self, state: &mut Self::State, input: &Input<N>) -> Command<N> {
         let signals = [&input.q_meas, &input.q_ref, &input.v_ref, &input.tau_ff];
-        state.is_faulted |= signals.into_iter().flatten().any(|x| !x.is_finite());
-        if state.is_faulted {
-            return Command { tau: state.tau_safe, health: Health { is_faulted: true, ..Health::default() } };
+        state.fault = state.fault.or_else(|| must_be_usable(&signals, input.dt).err());
+        if state.fault.is_some() {
+            return Command::faulted(state.tau_safe, state.fault);
         }
+        let share = low_pass_share(self.config.filter_s, input.dt);
         let mut command = Command { tau: [0.0; N], health: Health::default() };
         for k in 0..N {
             // Before the second sample there is no difference: taking the first position for the last one reads as standstill.
-            let difference = if state.has_started { (input.q_meas[k] - state.q_last[k]) / self.config.dt } else { 0.0 };
-            state.v_hat[k] += self.share * (difference - state.v_hat[k]);
+            let difference = if state.has_started { (input.q_meas[k] - state.q_last[k]) / input.dt } else { 0.0 };
+            state.v_hat[k] += share * (difference - state.v_hat[k]);
             let wanted = input.tau_ff[k]
                 + self.config.kp[k] * (input.q_ref[k] - input.q_meas[k])
                 + self.config.kd[k] * (input.v_ref[k] - state.v_hat[k]);
             // Finite inputs can still overflow the sum: an effort that is not a number must not reach a drive.
-            state.is_faulted |= wanted.is_nan();
+            if wanted.is_nan() {
+                state.fault = state.fault.or(Some(Fault { code: FaultCode::CommandNotFinite, drive: k, value: wanted, limit: 0.0 }));
+            }
             command.tau[k] = self.clip(k, wanted);
             command.health.is_saturated |= wanted.abs() > self.config.tau_limit[k];
-            if !state.is_faulted {
+            if state.fault.is_none() {
                 state.tau_safe[k] = self.clip(k, input.tau_ff[k]);
             }
         }
-        if state.is_faulted {
-            return Command { tau: state.tau_safe, health: Health { is_faulted: true, ..Health::default() } };
+        if state.fault.is_some() {
+            return Command::faulted(state.tau_safe, state.fault);
         }
         state.q_last = input.q_meas;
         state.has_started = true;
@@ -121,6 +121,7 @@ impl<const N: usize> Controller<N> for PdGravity<N> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pkm_dyn::math;
 
     fn controller() -> PdGravity<2> {
         PdGravity::try_new(PdGravityConfig { kp: [100.0, 50.0], kd: [10.0, 5.0], tau_limit: [20.0, 8.0], dt: 1e-3, filter_s: 0.0 }).unwrap()
@@ -164,6 +165,22 @@ mod tests {
     }
 
     #[test]
+    fn a_period_of_an_overrun_is_one_long_sample_and_one_that_is_none_a_fault() {
+        let config = PdGravityConfig { kp: [0.0], kd: [1.0], tau_limit: [1e9], dt: 1e-3, filter_s: 0.02 };
+        let controller = PdGravity::try_new(config).unwrap();
+        let mut state = PdGravityState::default();
+        let at = |q: f64, dt: f64| Input { q_meas: [q], ..Input::standing([0.0], dt) };
+        let _ = controller.step(&mut state, &at(0.0, 1e-3));
+        // 0.7 m/s for 20 ms in one sample: the same 63 percent.
+        let _ = controller.step(&mut state, &at(0.014, 0.02));
+        assert!((state.v_hat[0] - 0.7 * (1.0 - math::exp(-1.0))).abs() < 1e-12, "{}", state.v_hat[0]);
+        for dt in [0.0, -1e-3, f64::NAN, f64::INFINITY] {
+            let fault = controller.step(&mut state.clone(), &at(0.014, dt)).health.fault.expect("no period");
+            assert_eq!(fault.code, FaultCode::Period);
+        }
+    }
+
+    #[test]
     fn every_axis_saturates_at_its_own_limit() {
         let mut state = PdGravityState::default();
         let mut input = at_rest();
@@ -187,7 +204,8 @@ mod tests {
         let mut untouched = PdGravityState::<2>::default();
         input.tau_ff[0] = f64::INFINITY;
         let command = controller().step(&mut untouched, &input);
-        assert_eq!(command, Command { tau: [0.0; 2], health: Health { is_faulted: true, ..Health::default() } });
+        let fault = Fault { code: FaultCode::InputNotFinite, drive: 0, value: f64::INFINITY, limit: 0.0 };
+        assert_eq!(command, Command::faulted([0.0; 2], Some(fault)));
     }
 
     #[test]

@@ -3,7 +3,8 @@
 
 use pkm_dyn::effects::Robot;
 
-use crate::controller::{Command, ConfigError, Controller, Health, Input, are_finite, are_usable, clipped};
+use crate::controller::{Command, ConfigError, Controller, Health, Input, clipped, must_be_finite, must_be_usable};
+use crate::fault::{Fault, FaultCode};
 use crate::drive_model::{DriveModel, DriveModelState};
 use crate::observer::{Sample, VelocityObserver};
 
@@ -35,7 +36,7 @@ pub struct PdModelState<const N: usize, S> {
     a_ref_last: [f64; N],
     tau_safe: [f64; N],
     has_started: bool,
-    is_faulted: bool,
+    fault: Option<Fault>,
 }
 
 impl<const N: usize, O: VelocityObserver<N>> PdModel<N, O> {
@@ -51,10 +52,8 @@ impl<const N: usize, O: VelocityObserver<N>> PdModel<N, O> {
         Ok(Self { model: DriveModel::try_new(robot)?, observer, config })
     }
 
-    fn attempt(&self, state: &mut PdModelState<N, O::State>, input: &Input<N>) -> Option<Command<N>> {
-        if !are_usable(&[&input.q_meas, &input.q_ref, &input.v_ref, &input.a_ref], input.dt) {
-            return None;
-        }
+    fn attempt(&self, state: &mut PdModelState<N, O::State>, input: &Input<N>) -> Result<Command<N>, Fault> {
+        must_be_usable(&[&input.q_meas, &input.q_ref, &input.v_ref, &input.a_ref], input.dt)?;
         if !state.has_started {
             self.observer.reset_to(&mut state.observer, &input.q_meas, &[0.0; N]);
             state.has_started = true;
@@ -67,13 +66,11 @@ impl<const N: usize, O: VelocityObserver<N>> PdModel<N, O> {
         let wanted: [f64; N] = core::array::from_fn(|k| {
             weight[k] + self.config.kp[k] * (input.q_ref[k] - input.q_meas[k]) + self.config.kd[k] * (input.v_ref[k] - v_hat[k])
         });
-        if !are_finite(&[&wanted]) {
-            return None;
-        }
+        must_be_finite(FaultCode::CommandNotFinite, &[&wanted])?;
         let (tau, is_saturated) = clipped(&wanted, &self.config.tau_limit);
         (state.tau_sent, state.a_ref_last) = (tau, input.a_ref);
         state.tau_safe = clipped(&weight, &self.config.tau_limit).0;
-        Some(Command { tau, health: Health { is_saturated, ..Health::default() } })
+        Ok(Command { tau, health: Health { is_saturated, ..Health::default() } })
     }
 }
 
@@ -89,18 +86,18 @@ impl<const N: usize, O: VelocityObserver<N>> Controller<N> for PdModel<N, O> {
             a_ref_last: zero,
             tau_safe: zero,
             has_started: false,
-            is_faulted: false,
+            fault: None,
         }
     }
 
     /// One period; the feed-forward effort is not used. On a fault the command is the weight at the last good pose; zero before any.
     fn step(&self, state: &mut Self::State, input: &Input<N>) -> Command<N> {
-        if !state.is_faulted {
-            if let Some(command) = self.attempt(state, input) {
-                return command;
+        if state.fault.is_none() {
+            match self.attempt(state, input) {
+                Ok(command) => return command,
+                Err(fault) => state.fault = Some(fault),
             }
-            state.is_faulted = true;
         }
-        Command::faulted(state.tau_safe)
+        Command::faulted(state.tau_safe, state.fault)
     }
 }

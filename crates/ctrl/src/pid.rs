@@ -2,7 +2,8 @@
 //!
 //! The integral is kept from winding up where efforts are clipped, and starts wherever the command has to go on from.
 
-use crate::controller::{Command, ConfigError, Controller, Health, Input, are_finite, are_usable, clipped};
+use crate::controller::{Command, ConfigError, Controller, Health, Input, clipped, must_be_finite, must_be_usable};
+use crate::fault::{Fault, FaultCode};
 use crate::observer::{Sample, VelocityObserver};
 
 /// What happens to the integral while the effort is at its limit.
@@ -51,7 +52,7 @@ pub struct PidState<const N: usize, S> {
     a_ref_last: [f64; N],
     tau_safe: [f64; N],
     has_started: bool,
-    is_faulted: bool,
+    fault: Option<Fault>,
 }
 
 impl<const N: usize, O: VelocityObserver<N>> Pid<N, O> {
@@ -76,12 +77,10 @@ impl<const N: usize, O: VelocityObserver<N>> Pid<N, O> {
         PidState { resume: Some(tau), ..self.at_rest() }
     }
 
-    fn attempt(&self, state: &mut PidState<N, O::State>, input: &Input<N>) -> Option<Command<N>> {
+    fn attempt(&self, state: &mut PidState<N, O::State>, input: &Input<N>) -> Result<Command<N>, Fault> {
         let signals = [&input.q_meas, &input.q_ref, &input.v_ref, &input.a_ref, &input.tau_ff];
         let dt = input.dt;
-        if !are_usable(&signals, dt) {
-            return None;
-        }
+        must_be_usable(&signals, dt)?;
         let is_first = !state.has_started;
         if is_first {
             self.observer.reset_to(&mut state.observer, &input.q_meas, &[0.0; N]);
@@ -97,9 +96,7 @@ impl<const N: usize, O: VelocityObserver<N>> Pid<N, O> {
             state.integral = core::array::from_fn(|k| tau[k] - open[k]);
         }
         let wanted: [f64; N] = core::array::from_fn(|k| open[k] + state.integral[k]);
-        if !are_finite(&[&wanted]) {
-            return None;
-        }
+        must_be_finite(FaultCode::CommandNotFinite, &[&wanted])?;
         let (tau, is_saturated) = clipped(&wanted, &self.config.tau_limit);
         for k in 0..N {
             // Added after the command is made: this period's error acts from the next on, and a resumed command is met exactly.
@@ -107,11 +104,15 @@ impl<const N: usize, O: VelocityObserver<N>> Pid<N, O> {
         }
         (state.tau_sent, state.a_ref_last) = (tau, input.a_ref);
         state.tau_safe = clipped(&input.tau_ff, &self.config.tau_limit).0;
-        Some(Command { tau, health: Health { is_saturated, ..Health::default() } })
+        Ok(Command { tau, health: Health { is_saturated, ..Health::default() } })
     }
 
     /// Change of the integral of drive `k` after a period with `error`, whose effort was `beyond` its limit.
     fn increment(&self, k: usize, error: f64, beyond: f64, dt: f64) -> f64 {
+        // Without a gain there is nothing to run back, and nothing that would bring it up again.
+        if self.config.ki[k] <= 0.0 {
+            return 0.0;
+        }
         let gained = self.config.ki[k] * error * dt;
         match self.config.anti_windup {
             AntiWindup::BackCalculation { time_s } => gained - (dt / time_s).min(1.0) * beyond,
@@ -134,19 +135,19 @@ impl<const N: usize, O: VelocityObserver<N>> Controller<N> for Pid<N, O> {
             a_ref_last: zero,
             tau_safe: zero,
             has_started: false,
-            is_faulted: false,
+            fault: None,
         }
     }
 
     /// One period. On a fault the command is the last finite feed-forward effort, clipped: it carries the weight and pushes no further.
     fn step(&self, state: &mut Self::State, input: &Input<N>) -> Command<N> {
-        if !state.is_faulted {
-            if let Some(command) = self.attempt(state, input) {
-                return command;
+        if state.fault.is_none() {
+            match self.attempt(state, input) {
+                Ok(command) => return command,
+                Err(fault) => state.fault = Some(fault),
             }
-            state.is_faulted = true;
         }
-        Command::faulted(state.tau_safe)
+        Command::faulted(state.tau_safe, state.fault)
     }
 }
 
@@ -215,8 +216,24 @@ mod tests {
         let mut state = pid.at_rest();
         let _ = pid.step(&mut state, &input(0.0, 0.1));
         for bad in [input(f64::NAN, 0.0), input(0.0, 0.1), Input { dt: 0.0, ..input(0.0, 0.1) }] {
-            assert_eq!(pid.step(&mut state, &bad), Command::faulted([3.0]));
+            let command = pid.step(&mut state, &bad);
+            let fault = command.health.fault.expect("a fault");
+            assert!(command.health.is_faulted && command.tau == [3.0] && fault.code == FaultCode::InputNotFinite, "{command:?}");
         }
-        assert_eq!(pid.step(&mut pid.at_rest(), &Input { dt: 0.0, ..input(0.0, 0.1) }), Command::faulted([0.0]));
+        let late = Fault { code: FaultCode::Period, drive: 0, value: 0.0, limit: 0.0 };
+        assert_eq!(pid.step(&mut pid.at_rest(), &Input { dt: 0.0, ..input(0.0, 0.1) }), Command::faulted([0.0], Some(late)));
+    }
+
+    #[test]
+    fn without_a_gain_the_integral_stays_at_zero_through_saturation() {
+        let pid = Pid::try_new(FirstDifference, PidConfig { ki: [0.0], ..GOOD }).expect("good");
+        let mut state = pid.at_rest();
+        for _ in 0..100 {
+            assert!(pid.step(&mut state, &input(0.0, 1.0)).health.is_saturated);
+        }
+        let _ = pid.step(&mut state, &input(0.0, 0.05));
+        // Velocity zero, error 0.05: 3 + 100·0.05, and no offset left of the time at the limit.
+        let tau = pid.step(&mut state, &input(0.0, 0.05)).tau[0];
+        assert!((tau - 8.0).abs() < 1e-12, "{tau}");
     }
 }

@@ -15,7 +15,7 @@ pub struct Placement {
     pub gain: DMatrix<f64>,
     /// Eigenvalues of `A − B·K` as computed.
     pub poles: Vec<Complex<f64>>,
-    /// Largest distance of a wanted pole from the nearest of them. Of a pole that is wanted k times, rounding is seen to the k-th root.
+    /// Largest distance of a wanted pole from its own among them. Of a pole that is wanted k times, rounding is seen to the k-th root.
     pub error: f64,
 }
 
@@ -24,7 +24,7 @@ type C64 = Complex<f64>;
 /// Sweeps over all eigenvectors; each makes one as orthogonal to the others as its space allows.
 const SWEEPS: usize = 30;
 
-/// Share of the largest pole to which `A − B·K` must meet the poles.
+/// Share of the largest wanted pole to which `A − B·K` must meet the poles.
 const WRONG: f64 = 1e-3;
 
 /// K such that `A − B·K` has the eigenvalues `poles`, each as often as it is listed.
@@ -33,21 +33,41 @@ const WRONG: f64 = 1e-3;
 /// so that the poles move little when A and B are a little different; a pole may then be listed as often as there are inputs.
 ///
 /// # Errors
-/// Dimensions that do not fit, poles without their conjugates, modes out of reach.
+/// Dimensions that do not fit, no states or no inputs, poles without their conjugates, modes out of reach.
 pub fn place(A: &DMatrix<f64>, B: &DMatrix<f64>, poles: &[C64]) -> Result<Placement, DesignError> {
     let (n, m) = (A.nrows(), B.ncols());
     must_be("A", A, n, n)?;
     must_be("B", B, n, m)?;
+    for (what, count) in [("states", n), ("inputs", m)] {
+        if count == 0 {
+            return Err(DesignError::Value { what, value: 0.0, limit: "must be at least one" });
+        }
+    }
     let poles = in_pairs(poles, n)?;
     let gain = if m == 1 { ackermann(A, B, &poles)? } else { by_eigenvectors(A, B, &poles)? };
     let found = eigenvalues(&(A - B * &gain));
-    let distance = |p: &C64| found.iter().map(|f| modulus(f - p)).fold(f64::INFINITY, f64::min);
-    let error = poles.iter().map(distance).fold(0.0, f64::max);
-    let scale = poles.iter().map(|p| modulus(*p)).fold(1e-300, f64::max).max(A.norm());
+    let error = farthest(&poles, found.clone());
+    // The size of A says nothing of poles: positions in micrometres would make every answer right. It does where all are to be zero.
+    let largest = poles.iter().map(|p| modulus(*p)).fold(0.0, f64::max);
+    let scale = if largest > 0.0 { largest } else { A.norm().max(f64::MIN_POSITIVE) };
     if gain.iter().all(|k| k.is_finite()) && error < WRONG * scale {
         return Ok(Placement { gain, poles: found, error });
     }
     Err(DesignError::NoSolution { what: "pole placement", residual: error / scale })
+}
+
+/// Largest distance when every wanted pole takes one of those found, the nearest pairs first; infinite when there are not enough.
+fn farthest(wanted: &[C64], mut found: Vec<C64>) -> f64 {
+    let (mut left, mut worst) = (wanted.to_vec(), 0.0_f64);
+    while !left.is_empty() {
+        let pairs = (0..left.len()).flat_map(|i| (0..found.len()).map(move |k| (i, k)));
+        let nearest = pairs.map(|(i, k)| (modulus(left[i] - found[k]), i, k)).min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((distance, i, k)) = nearest else { return f64::INFINITY };
+        left.swap_remove(i);
+        found.swap_remove(k);
+        worst = worst.max(distance);
+    }
+    worst
 }
 
 fn modulus(z: C64) -> f64 {

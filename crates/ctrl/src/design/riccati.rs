@@ -22,13 +22,8 @@ const DOUBLINGS: usize = 60;
 /// Relative residual above which an answer is none.
 const WRONG: f64 = 1e-7;
 
-struct Problem {
-    /// B·R⁻¹·Bᵀ.
-    G: DMatrix<f64>,
-    n: usize,
-}
-
-fn problem([A, B, Q, R]: [&DMatrix<f64>; 4]) -> Result<Problem, DesignError> {
+/// `B·R⁻¹·Bᵀ` of a problem whose matrices fit.
+fn problem([A, B, Q, R]: [&DMatrix<f64>; 4]) -> Result<DMatrix<f64>, DesignError> {
     let (n, m) = (A.nrows(), B.ncols());
     for (what, X, rows, cols) in [("A", A, n, n), ("B", B, n, m), ("Q", Q, n, n), ("R", R, m, m)] {
         must_be(what, X, rows, cols)?;
@@ -40,7 +35,7 @@ fn problem([A, B, Q, R]: [&DMatrix<f64>; 4]) -> Result<Problem, DesignError> {
         }
     }
     let factor = R.clone().cholesky().ok_or(DesignError::Singular { what: "R, or it is not positive definite: it" })?;
-    Ok(Problem { G: B * factor.solve(&B.transpose()), n })
+    Ok(B * factor.solve(&B.transpose()))
 }
 
 /// The stabilising solution of `X = Aᵀ·X·(I + G·X)⁻¹·A + H` \[Chu2004\].
@@ -70,7 +65,7 @@ fn doubling(mut A: DMatrix<f64>, mut G: DMatrix<f64>, mut H: DMatrix<f64>) -> Re
 /// Dimensions that do not fit, an R that is not positive definite, modes that are unstable and out of reach.
 pub fn discrete_regulator(system: [&DMatrix<f64>; 4]) -> Result<Regulator, DesignError> {
     let [A, B, Q, R] = system;
-    let Problem { G, .. } = problem(system)?;
+    let G = problem(system)?;
     let X = doubling(A.clone(), G, Q.clone())?;
     let S = R + B.transpose() * &X * B;
     let gain = S.lu().solve(&(B.transpose() * &X * A)).ok_or(DesignError::Singular { what: "R + B'XB" })?;
@@ -83,20 +78,25 @@ pub fn discrete_regulator(system: [&DMatrix<f64>; 4]) -> Result<Regulator, Desig
     Err(DesignError::NoSolution { what, residual })
 }
 
+/// The Cayley transform of a continuous problem: the stable half plane becomes the unit circle.
+fn cayley([A, G, Q]: [&DMatrix<f64>; 3], gamma: f64) -> Result<[DMatrix<f64>; 3], DesignError> {
+    let one = DMatrix::identity(A.nrows(), A.nrows());
+    let shifted = A - &one * gamma;
+    let Ai = inverse("A - γ·I", &shifted)?;
+    let W = inverse("the Cayley transform", &(shifted.transpose() + Q * &Ai * G))?;
+    Ok([one + W.transpose() * (2.0 * gamma), &Ai * G * &W * (2.0 * gamma), &W * Q * &Ai * (2.0 * gamma)])
+}
+
 /// The gain that minimises `∫ xᵀ·Q·x + uᵀ·R·u dt` along `x' = A·x + B·u`.
 ///
 /// # Errors
 /// Dimensions that do not fit, an R that is not positive definite, modes that are unstable and out of reach.
 pub fn continuous_regulator(system: [&DMatrix<f64>; 4]) -> Result<Regulator, DesignError> {
     let [A, B, Q, R] = system;
-    let Problem { G, n } = problem(system)?;
-    // Cayley transform: the stable half plane becomes the unit circle; its scale should be that of the poles.
-    let gamma = A.norm().max(pkm_dyn::math::sqrt(G.norm() * Q.norm())).max(1.0);
-    let shifted = A - DMatrix::identity(n, n) * gamma;
-    let Ai = inverse("A - γ·I", &shifted)?;
-    let W = inverse("the Cayley transform", &(shifted.transpose() + Q * &Ai * &G))?;
-    let A0 = DMatrix::identity(n, n) + W.transpose() * (2.0 * gamma);
-    let (G0, H0) = (&Ai * &G * &W * (2.0 * gamma), &W * Q * &Ai * (2.0 * gamma));
+    let G = problem(system)?;
+    // The scale of the transform should be that of the poles, and beyond them: at a pole there is none.
+    let gamma = 1.5 * A.norm().max(pkm_dyn::math::sqrt(G.norm() * Q.norm())).max(1.0);
+    let [A0, G0, H0] = cayley([A, &G, Q], gamma).or_else(|_| cayley([A, &G, Q], 2.0 * gamma))?;
     let X = doubling(A0, G0, H0)?;
     let gain = R.clone().lu().solve(&(B.transpose() * &X)).ok_or(DesignError::Singular { what: "R" })?;
     let left = A.transpose() * &X + &X * A - &X * &G * &X + Q;
@@ -126,6 +126,16 @@ mod tests {
         let found = continuous_regulator([&one(3.0), &one(2.0), &one(5.0), &one(0.5)]).unwrap();
         let x = (3.0 + pkm_dyn::math::sqrt(9.0 + 40.0)) / 8.0;
         assert!((found.cost[(0, 0)] - x).abs() < 1e-13, "{found:?}");
+    }
+
+    #[test]
+    fn a_scale_that_is_a_pole_is_no_obstacle() {
+        // x' = a·x + b·u with |a| at least everything else, a = 1 included: x = (a + sqrt(a² + b²·q/r))·r/b².
+        for (a, b, q) in [(1.0, 1.0, 1.0), (1.0, 0.5, 0.5), (4.0, 2.0, 4.0), (7.5, 1.0, 1.0)] {
+            let found = continuous_regulator([&one(a), &one(b), &one(q), &one(1.0)]).expect("within reach");
+            let x = (a + pkm_dyn::math::sqrt(a * a + b * b * q)) / (b * b);
+            assert!((found.cost[(0, 0)] / x - 1.0).abs() < 1e-12, "{a}: {found:?} {x}");
+        }
     }
 
     #[test]

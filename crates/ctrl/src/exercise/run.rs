@@ -3,13 +3,13 @@
 //! The commanded place `x_cmd` follows a path in one coordinate and the force loop in another, `x'_cmd = (1 − s)·x'_path + s·PID(f_ref − f)`;
 //! the drives follow it through the inverse kinematics. A phase begins where the last one was, with the speed and the force it had.
 
-use pkm_dyn::math;
-
-use crate::controller::{Command, ConfigError, Controller, Input};
+use crate::controller::{Command, ConfigError, Controller, Input, first_not_finite};
 use crate::exercise::channel::{Assistance, Channel, Path, Resistance, fade};
 use crate::exercise::script::{Phase, Script};
-use crate::fault::Limit;
-use crate::force::explicit::{check_limits, stopped};
+use crate::fault::{FaultCode, Limit};
+use crate::filter::low_pass_share;
+use crate::force::explicit::check_limits;
+use crate::force::held::Held;
 use crate::force::pid::{ForcePid, ForcePidConfig, ForcePidState, usable_dt};
 use crate::force::task::{Task, TaskMap};
 
@@ -33,8 +33,6 @@ pub struct Exercise<const N: usize, const M: usize, K, C> {
     inner: C,
     config: ExerciseConfig<M>,
     pid: ForcePid<M>,
-    /// Share of the new rate in the one that damping feels.
-    share: f64,
 }
 
 /// Time constant with which damping feels the commanded rate `[s]`: the rate is the force loop's own answer to the damping, and fed back
@@ -67,9 +65,8 @@ pub struct ExerciseState<const N: usize, const M: usize, S, I> {
     /// The commanded rate as damping feels it `[m/s | rad/s]`.
     felt: [f64; M],
     q_ref: [f64; N],
-    tau_safe: [f64; N],
+    held: Held<N>,
     is_inner_saturated: bool,
-    is_faulted: bool,
 }
 
 impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Exercise<N, M, K, C> {
@@ -82,7 +79,7 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Exercis
             check_limits("upper - lower", &[config.upper[k] - config.lower[k]])?;
         }
         let pid = ForcePid::try_new(config.pid)?;
-        let share = 1.0 - math::exp(-config.pid.dt / FELT_S);
+        let share = low_pass_share(FELT_S, config.pid.dt);
         for channel in config.script.phases().flat_map(|p| p.channels.iter().enumerate()) {
             let (drive, Channel::Resist(Resistance { damping, .. }) | Channel::Assist(Assistance { damping, .. })) = channel else {
                 continue;
@@ -92,7 +89,7 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Exercis
                 return Err(ConfigError { drive, what: "damping", value: *damping, limit: "too much for the kp of the force loop" });
             }
         }
-        Ok(Self { map, inner, pid, share, config })
+        Ok(Self { map, inner, pid, config })
     }
 
     /// A phase begins: from the commanded place and speed, the present share of the force loop and the measured force.
@@ -118,10 +115,11 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Exercis
         }
         let (mut error, mut path_speed) = ([0.0; M], [0.0; M]);
         let into = fade(since, phase.ramp_s);
+        let felt = low_pass_share(FELT_S, dt);
         for k in 0..M {
             let wanted = if phase.channels[k].follows_force() { 1.0 } else { 0.0 };
             state.share[k] = state.share_from[k] + (wanted - state.share_from[k]) * into;
-            state.felt[k] += self.share * (state.v_cmd[k] - state.felt[k]);
+            state.felt[k] += felt * (state.v_cmd[k] - state.felt[k]);
             let (x, v) = (task.x[k], state.felt[k]);
             let [mut along, mut speed] = state.paths[k].at(since);
             // Waves come in when the ramp is over, with their slope faded in over one more.
@@ -163,7 +161,9 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Exercis
             let is_path = !phase.channels[k].follows_force();
             let v = if is_path && share <= 0.0 { path_speed[k] } else { (1.0 - share) * path_speed[k] + share * loop_speed[k] };
             let v = if state.is_inner_saturated && !is_path { 0.0 } else { v };
-            let x = (state.x_cmd[k] + v * dt).clamp(self.config.lower[k], self.config.upper[k]);
+            // From outside its range it comes back along the path: the range as it is would be a step.
+            let (lower, upper) = (self.config.lower[k].min(state.x_cmd[k]), self.config.upper[k].max(state.x_cmd[k]));
+            let x = (state.x_cmd[k] + v * dt).clamp(lower, upper);
             state.v_cmd[k] = (x - state.x_cmd[k]) / dt;
             state.x_cmd[k] = x;
         }
@@ -180,6 +180,8 @@ fn help(a: &Assistance, learned: &mut f64, error: f64, dt: f64) -> f64 {
 
 impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Controller<N> for Exercise<N, M, K, C> {
     type State = ExerciseState<N, M, K::State, C::State>;
+
+    const FOLLOWS_REFERENCE: bool = false;
 
     fn at_rest(&self) -> Self::State {
         let zero = [0.0; M];
@@ -199,21 +201,26 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Control
             learned: zero,
             felt: zero,
             q_ref: [0.0; N],
-            tau_safe: [0.0; N],
+            held: Held::new(),
             is_inner_saturated: false,
-            is_faulted: false,
         }
     }
 
     /// One period. The script starts at the measured pose; references of `input` are not looked at, `tau_ff` is.
     ///
-    /// On a fault the command is the last finite feed-forward effort, or the inner controller's own safe command. Where the task cannot be
-    /// known, or a place is out of reach, the script waits and the drives hold.
+    /// After a fault the inner controller holds the reference it had, and its clipped command carries the robot. Where the task cannot be
+    /// known, or a place is out of reach, the script waits and the drives hold. A robot that stands outside the range of its coordinates is
+    /// led back by the script and no further out.
     fn step(&self, state: &mut Self::State, input: &Input<N>) -> Command<N> {
-        let drives = [&input.q_meas, &input.tau_meas, &input.tau_ff].into_iter().flatten();
-        state.is_faulted |= drives.chain(&input.wrench_meas).chain(&input.wrench_ref).any(|x| !x.is_finite());
-        if state.is_faulted {
-            return stopped(state.tau_safe);
+        let signals = [
+            (FaultCode::WrenchNotFinite, &input.wrench_meas[..]),
+            (FaultCode::ReferenceNotFinite, &input.wrench_ref),
+            (FaultCode::PositionNotFinite, &input.q_meas),
+            (FaultCode::EffortNotFinite, &input.tau_meas),
+            (FaultCode::ReferenceNotFinite, &input.tau_ff),
+        ];
+        if state.held.stops_at(first_not_finite(&signals)) {
+            return state.held.hold(&self.inner, &mut state.inner, input);
         }
         let dt = usable_dt(input.dt, self.config.pid.dt);
         let mut v_ref = [0.0; N];
@@ -240,17 +247,41 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Control
             }
         }
         let moved = Input { q_ref: state.q_ref, v_ref, a_ref: [0.0; N], ..*input };
-        let mut command = self.inner.step(&mut state.inner, &moved);
+        let mut command = state.held.follow(&self.inner, &mut state.inner, &moved);
         state.is_inner_saturated = command.health.is_saturated;
+        for k in (0..M).filter(|&k| state.x_cmd[k] < self.config.lower[k] || state.x_cmd[k] > self.config.upper[k]) {
+            command.health.acted.note(Limit::Position, k);
+        }
         if is_waiting {
             command.health.acted.note(Limit::Workspace, 0);
         }
-        state.is_faulted |= command.health.is_faulted || command.tau.iter().any(|t| !t.is_finite());
-        state.tau_safe = if state.is_faulted { command.tau.map(|t| if t.is_finite() { t } else { 0.0 }) } else { input.tau_ff };
-        if state.is_faulted {
-            command.tau = state.tau_safe;
-            command.health.is_faulted = true;
-        }
         command
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::exercise::Wave;
+    use crate::force::LinearTask;
+    use crate::pd_gravity::{PdGravity, PdGravityConfig};
+
+    #[test]
+    fn a_robot_outside_its_range_is_led_back_without_a_step() {
+        let (dt, start) = (0.01, 0.5);
+        let map = LinearTask::try_new([0.0], [0.0], [[1.0]], [2]).unwrap();
+        let inner = PdGravity::try_new(PdGravityConfig { kp: [1e3], kd: [0.0], tau_limit: [1e6], dt, filter_s: 0.0 }).unwrap();
+        let pid = ForcePidConfig { kp: [1e-3], ki: [0.0], kd: [0.0], output_limit: [0.1], rate_limit: [10.0], filter_s: 0.0, dt };
+        let script = Script::try_new(&[Phase { duration_s: 9.0, ramp_s: 4.0, channels: [Channel::Position(Wave::constant(0.1))] }]).unwrap();
+        let controller = Exercise::try_new(map, inner, ExerciseConfig { script, pid, lower: [-0.2], upper: [0.2] }).unwrap();
+        let (mut state, mut x) = (controller.at_rest(), start);
+        for step in 0..900 {
+            let command = controller.step(&mut state, &Input::standing([x], dt));
+            // A path of 0.4 m in four seconds is nowhere faster than 0.2 m/s.
+            assert!((state.x_cmd[0] - x).abs() < 0.2 * dt + 1e-12, "step {step}: {x} to {}", state.x_cmd[0]);
+            assert_eq!(command.health.acted.at(Limit::Position, 0), state.x_cmd[0] > 0.2, "step {step}");
+            x = state.x_cmd[0];
+        }
+        assert!((x - 0.1).abs() < 1e-9, "{x}");
     }
 }

@@ -6,6 +6,7 @@
 use pkm_dyn::svd::Svd;
 
 use crate::controller::{Command, ConfigError, Controller, Health, Input};
+use crate::fault::Limit;
 use crate::force::curve::GainCurve;
 use crate::force::explicit::{check_limits, clipped, stopped};
 use crate::force::gains::{Decoupling, Square, decoupling, directional, inverse_of, room, times};
@@ -122,6 +123,8 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>> ActuatorForce<N, M, K> {
 impl<const N: usize, const M: usize, K: TaskMap<N, M>> Controller<N> for ActuatorForce<N, M, K> {
     type State = ActuatorForceState<N, K::State>;
 
+    const FOLLOWS_REFERENCE: bool = false;
+
     fn at_rest(&self) -> Self::State {
         // Until a pose is known: the commanded force and no feedback.
         let mut one = [[0.0; N]; N];
@@ -146,10 +149,10 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>> Controller<N> for Actuato
         if state.is_faulted {
             return stopped(state.tau_safe);
         }
-        if let Some(task) = self.map.at(&mut state.map, &input.q_meas)
-            && let Some(gains) = self.gains(&mut state.svd, &task)
-        {
-            state.gains = gains;
+        let mut health = Health::default();
+        match self.map.at(&mut state.map, &input.q_meas).and_then(|task| self.gains(&mut state.svd, &task)) {
+            Some(gains) => state.gains = gains,
+            None => health.acted.note(Limit::Singularity, 0),
         }
         let rate = self.config.derivative / usable_dt(input.dt, self.config.dt);
         let last = if state.has_started { state.force_last } else { input.tau_meas };
@@ -161,7 +164,6 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>> Controller<N> for Actuato
         if state.is_faulted {
             return stopped(state.tau_safe);
         }
-        let mut health = Health::default();
         state.force_last = input.tau_meas;
         state.has_started = true;
         let limit = &self.config.tau_limit;

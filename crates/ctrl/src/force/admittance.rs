@@ -3,8 +3,10 @@
 //! `M·x'' + D·x' + K·x = f` in every coordinate of the task, f the environment's force beyond the wanted one, x the deviation from the
 //! reference; exact for a force that is constant between two samples.
 
-use crate::controller::{Command, ConfigError, Controller, Input};
-use crate::force::explicit::{check_limits, stopped};
+use crate::controller::{Command, ConfigError, Controller, Input, first_not_finite};
+use crate::fault::{FaultCode, Limit};
+use crate::force::explicit::check_limits;
+use crate::force::held::Held;
 use crate::force::pid::usable_dt;
 use crate::force::task::TaskMap;
 
@@ -47,8 +49,7 @@ pub struct AdmittanceState<const N: usize, const M: usize, S, I> {
     /// Its rate `[m/s | rad/s]`.
     pub v: [f64; M],
     q_offset: [f64; N],
-    tau_safe: [f64; N],
-    is_faulted: bool,
+    held: Held<N>,
 }
 
 /// Upper two rows of `exp(A·dt)` for `A = [[0, 1, 0], [-k/m, -d/m, 1/m], [0, 0, 0]]`: a Taylor series of a small share, squared back.
@@ -117,6 +118,8 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Admitta
 impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Controller<N> for Admittance<N, M, K, C> {
     type State = AdmittanceState<N, M, K::State, C::State>;
 
+    const FOLLOWS_REFERENCE: bool = C::FOLLOWS_REFERENCE;
+
     fn at_rest(&self) -> Self::State {
         AdmittanceState {
             map: self.map.at_rest(),
@@ -124,24 +127,31 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Control
             x: [0.0; M],
             v: [0.0; M],
             q_offset: [0.0; N],
-            tau_safe: [0.0; N],
-            is_faulted: false,
+            held: Held::new(),
         }
     }
 
     /// One period; after an overrun the masses move on by as many periods as went by, at most five.
     ///
-    /// On a fault the command is the last finite feed-forward effort, or the inner controller's own safe command. Where the task cannot be
+    /// After a fault the inner controller holds the reference it had, and its clipped command carries the robot. Where the task cannot be
     /// known the deviation stays as it is.
     fn step(&self, state: &mut Self::State, input: &Input<N>) -> Command<N> {
-        let wrenches = input.wrench_meas.iter().chain(&input.wrench_ref);
-        let drives = [&input.q_meas, &input.tau_meas, &input.q_ref, &input.v_ref, &input.tau_ff].into_iter().flatten();
-        state.is_faulted |= wrenches.chain(drives).any(|x| !x.is_finite());
-        if state.is_faulted {
-            return stopped(state.tau_safe);
+        let signals = [
+            (FaultCode::WrenchNotFinite, &input.wrench_meas[..]),
+            (FaultCode::ReferenceNotFinite, &input.wrench_ref),
+            (FaultCode::PositionNotFinite, &input.q_meas),
+            (FaultCode::EffortNotFinite, &input.tau_meas),
+            (FaultCode::ReferenceNotFinite, &input.q_ref),
+            (FaultCode::ReferenceNotFinite, &input.v_ref),
+            (FaultCode::ReferenceNotFinite, &input.tau_ff),
+        ];
+        if state.held.stops_at(first_not_finite(&signals)) {
+            return state.held.hold(&self.inner, &mut state.inner, input);
         }
         let mut moved = Input { ..*input };
-        if let Some(task) = self.map.at(&mut state.map, &input.q_meas) {
+        let task = self.map.at(&mut state.map, &input.q_meas);
+        let is_lost = task.is_none();
+        if let Some(task) = task {
             let [measured, wanted] = self.map.forces(input, &task);
             // Forces beyond all bounds cancel to no number: the masses then feel none.
             let force = core::array::from_fn(|k| Some(measured[k] - wanted[k]).filter(|f| f.is_finite()).unwrap_or(0.0));
@@ -161,12 +171,9 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Control
         for k in 0..N {
             moved.q_ref[k] += state.q_offset[k];
         }
-        let mut command = self.inner.step(&mut state.inner, &moved);
-        state.is_faulted |= command.health.is_faulted || command.tau.iter().any(|t| !t.is_finite());
-        state.tau_safe = if state.is_faulted { command.tau.map(|t| if t.is_finite() { t } else { 0.0 }) } else { input.tau_ff };
-        if state.is_faulted {
-            command.tau = state.tau_safe;
-            command.health.is_faulted = true;
+        let mut command = state.held.follow(&self.inner, &mut state.inner, &moved);
+        if is_lost {
+            command.health.acted.note(Limit::Singularity, 0);
         }
         command
     }

@@ -66,6 +66,8 @@ pub(crate) fn stopped<const N: usize>(tau: [f64; N]) -> Command<N> {
 impl<const N: usize> Controller<N> for ExplicitForce<N> {
     type State = ExplicitForceState<N>;
 
+    const FOLLOWS_REFERENCE: bool = false;
+
     fn at_rest(&self) -> Self::State {
         ExplicitForceState { pid: ForcePidState::default(), tau_safe: [0.0; N], is_faulted: false }
     }

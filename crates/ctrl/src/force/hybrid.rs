@@ -3,9 +3,10 @@
 //! `x'_c = S·PID(f_ref − f)`, `Δq = ∫ J_inv·x'_c dt`, `q_ref = IK(x_ref) + Δq` \[Valera2017, eq. 15 and Figure 9\]. The inverse
 //! kinematics is the caller's (`q_ref`); the position loop is any controller.
 
-use crate::controller::{Command, ConfigError, Controller, Input};
-use crate::fault::Limit;
-use crate::force::explicit::{check_limits, stopped};
+use crate::controller::{Command, ConfigError, Controller, Input, first_not_finite};
+use crate::fault::{FaultCode, Limit};
+use crate::force::explicit::check_limits;
+use crate::force::held::Held;
 use crate::force::pid::{ForcePid, ForcePidConfig, ForcePidState, usable_dt};
 use crate::force::task::TaskMap;
 
@@ -39,19 +40,19 @@ pub struct HybridState<const N: usize, const M: usize, S, I> {
     pid: ForcePidState<M>,
     /// Δq so far `[m | rad]`.
     pub travel: [f64; N],
-    tau_safe: [f64; N],
+    held: Held<N>,
     is_inner_saturated: bool,
-    is_faulted: bool,
 }
 
 impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Hybrid<N, M, K, C> {
     /// Checks the numbers.
     ///
     /// # Errors
-    /// What [`ForcePid::try_new`] refuses; a selection outside 0 … 1, a travel that is not positive, a margin that is negative.
+    /// What [`ForcePid::try_new`] refuses; a selection that is neither 0 nor 1, a travel that is not positive, a margin that is negative.
     pub fn try_new(map: K, inner: C, config: HybridConfig<N, M>) -> Result<Self, ConfigError> {
-        if let Some(drive) = config.selection.iter().position(|s| !(0.0..=1.0).contains(s)) {
-            return Err(ConfigError { drive, what: "selection", value: config.selection[drive], limit: "must be 0 to 1" });
+        // A share in between would count twice, in the error and in the speed, and still leave the path to the caller.
+        if let Some(drive) = config.selection.iter().position(|s| !(s.abs() <= 0.0 || (s - 1.0).abs() <= 0.0)) {
+            return Err(ConfigError { drive, what: "selection", value: config.selection[drive], limit: "must be 0 or 1" });
         }
         check_limits("travel", &config.travel)?;
         if !(config.margin.is_finite() && config.margin >= 0.0) {
@@ -64,26 +65,32 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Hybrid<
 impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Controller<N> for Hybrid<N, M, K, C> {
     type State = HybridState<N, M, K::State, C::State>;
 
+    const FOLLOWS_REFERENCE: bool = C::FOLLOWS_REFERENCE;
+
     fn at_rest(&self) -> Self::State {
         HybridState {
             map: self.map.at_rest(),
             inner: self.inner.at_rest(),
             pid: ForcePidState::default(),
             travel: [0.0; N],
-            tau_safe: [0.0; N],
+            held: Held::new(),
             is_inner_saturated: false,
-            is_faulted: false,
         }
     }
 
-    /// One period. On a fault the command is the last finite feed-forward effort, or the inner controller's own safe command.
+    /// One period. After a fault the inner controller holds the reference it had, and its clipped command carries the robot.
     /// Where the task cannot be known, or is near a singularity, the force loop rests and the position loop holds what it has.
     fn step(&self, state: &mut Self::State, input: &Input<N>) -> Command<N> {
-        let wrenches = input.wrench_meas.iter().chain(&input.wrench_ref);
-        let drives = [&input.q_meas, &input.q_ref, &input.v_ref, &input.tau_ff].into_iter().flatten();
-        state.is_faulted |= wrenches.chain(drives).any(|x| !x.is_finite());
-        if state.is_faulted {
-            return stopped(state.tau_safe);
+        let signals = [
+            (FaultCode::WrenchNotFinite, &input.wrench_meas[..]),
+            (FaultCode::ReferenceNotFinite, &input.wrench_ref),
+            (FaultCode::PositionNotFinite, &input.q_meas),
+            (FaultCode::ReferenceNotFinite, &input.q_ref),
+            (FaultCode::ReferenceNotFinite, &input.v_ref),
+            (FaultCode::ReferenceNotFinite, &input.tau_ff),
+        ];
+        if state.held.stops_at(first_not_finite(&signals)) {
+            return state.held.hold(&self.inner, &mut state.inner, input);
         }
         let dt = usable_dt(input.dt, self.config.pid.dt);
         let mut moved = Input { ..*input };
@@ -108,17 +115,30 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Control
         for k in 0..N {
             moved.q_ref[k] += state.travel[k];
         }
-        let mut command = self.inner.step(&mut state.inner, &moved);
+        let mut command = state.held.follow(&self.inner, &mut state.inner, &moved);
         state.is_inner_saturated = command.health.is_saturated;
-        state.is_faulted |= command.health.is_faulted || command.tau.iter().any(|t| !t.is_finite());
         if is_near {
             command.health.acted.note(Limit::Singularity, 0);
         }
-        state.tau_safe = if state.is_faulted { command.tau.map(|t| if t.is_finite() { t } else { 0.0 }) } else { input.tau_ff };
-        if state.is_faulted {
-            command.tau = state.tau_safe;
-            command.health.is_faulted = true;
-        }
         command
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::force::LinearTask;
+    use crate::pd_gravity::{PdGravity, PdGravityConfig};
+
+    #[test]
+    fn a_coordinate_follows_a_force_or_a_path() {
+        let map = LinearTask::try_new([0.0], [0.0], [[1.0]], [2]).unwrap();
+        let inner = PdGravity::try_new(PdGravityConfig { kp: [1.0], kd: [1.0], tau_limit: [1.0], dt: 0.01, filter_s: 0.0 }).unwrap();
+        let pid = ForcePidConfig { kp: [1.0], ki: [0.0], kd: [0.0], output_limit: [1.0], rate_limit: [1.0], filter_s: 0.0, dt: 0.01 };
+        let with = |s: f64| Hybrid::try_new(map, inner, HybridConfig { selection: [s], pid, travel: [0.1], margin: 0.0 });
+        assert!(with(0.0).is_ok() && with(1.0).is_ok());
+        for s in [0.5, -1.0, 2.0, f64::NAN] {
+            assert_eq!(with(s).expect_err("neither").what, "selection");
+        }
     }
 }

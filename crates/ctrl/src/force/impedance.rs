@@ -2,9 +2,9 @@
 //!
 //! `tau = tau_ff + Jᵀ·(K·e + D·e' − f_ref)`, e the error of the task. The mass that the environment feels is the robot's own.
 
-use pkm_dyn::math;
-
 use crate::controller::{Command, ConfigError, Controller, Health, Input};
+use crate::fault::Limit;
+use crate::filter::low_pass_share;
 use crate::force::explicit::{check_limits, clipped, stopped};
 use crate::force::pid::usable_dt;
 use crate::force::task::TaskMap;
@@ -31,7 +31,6 @@ pub struct ImpedanceConfig<const N: usize, const M: usize> {
 pub struct Impedance<const N: usize, const M: usize, K> {
     map: K,
     config: ImpedanceConfig<N, M>,
-    share: f64,
 }
 
 /// What an [`Impedance`] remembers.
@@ -62,8 +61,7 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>> Impedance<N, M, K> {
         if !(config.filter_s.is_finite() && config.filter_s >= 0.0) {
             return Err(ConfigError { drive: 0, what: "filter_s", value: config.filter_s, limit: "must be finite and >= 0" });
         }
-        let share = if config.filter_s > 0.0 { 1.0 - math::exp(-config.dt / config.filter_s) } else { 1.0 };
-        Ok(Self { map, config, share })
+        Ok(Self { map, config })
     }
 }
 
@@ -86,11 +84,12 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>> Controller<N> for Impedan
         }
         let c = &self.config;
         let dt = usable_dt(input.dt, c.dt);
+        let share = low_pass_share(c.filter_s, dt);
         for k in 0..N {
             let difference = if state.has_started { (input.q_meas[k] - state.q_last[k]) / dt } else { 0.0 };
-            state.v_hat[k] += self.share * (difference - state.v_hat[k]);
+            state.v_hat[k] += share * (difference - state.v_hat[k]);
         }
-        let mut tau = input.tau_ff;
+        let (mut tau, mut health) = (input.tau_ff, Health::default());
         if let Some(task) = self.map.at(&mut state.map, &input.q_meas) {
             let error = task.of_drives(&core::array::from_fn(|k| input.q_ref[k] - input.q_meas[k]));
             let rate = task.of_drives(&core::array::from_fn(|k| input.v_ref[k] - state.v_hat[k]));
@@ -101,12 +100,13 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>> Controller<N> for Impedan
             });
             let push = task.efforts(&force);
             (0..N).for_each(|k| tau[k] += push[k]);
+        } else {
+            health.acted.note(Limit::Singularity, 0);
         }
         state.is_faulted |= tau.iter().any(|t| t.is_nan());
         if state.is_faulted {
             return stopped(state.tau_safe);
         }
-        let mut health = Health::default();
         state.tau_safe = core::array::from_fn(|k| input.tau_ff[k].clamp(-c.tau_limit[k], c.tau_limit[k]));
         state.q_last = input.q_meas;
         state.has_started = true;

@@ -9,6 +9,7 @@ pub mod admittance;
 pub mod curve;
 pub mod explicit;
 pub mod gains;
+pub(crate) mod held;
 pub mod hybrid;
 pub mod impedance;
 pub mod pid;

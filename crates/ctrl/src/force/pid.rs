@@ -1,8 +1,7 @@
 //! PID of a force error, channel by channel, with limits on the output and its rate and an integral that does not wind up.
 
-use pkm_dyn::math;
-
 use crate::controller::ConfigError;
+use crate::filter::low_pass_share;
 
 /// Numbers of a [`ForcePid`]; the output's unit is `[u]`, for instance `[m/s]` or `[N]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,7 +26,6 @@ pub struct ForcePidConfig<const M: usize> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ForcePid<const M: usize> {
     config: ForcePidConfig<M>,
-    share: f64,
 }
 
 /// What a [`ForcePid`] remembers.
@@ -75,7 +73,8 @@ impl<const M: usize> ForcePid<M> {
     /// Checks the numbers.
     ///
     /// # Errors
-    /// Gains that are negative, limits or a period that are not positive, anything that is not finite; limits may be infinite.
+    /// Gains that are negative, limits or a period that are not positive, anything that is not finite; limits of the
+    /// rate may be infinite.
     pub fn try_new(config: ForcePidConfig<M>) -> Result<Self, ConfigError> {
         let bad = |drive, what, value, limit| Err(ConfigError { drive, what, value, limit });
         for k in 0..M {
@@ -84,10 +83,12 @@ impl<const M: usize> ForcePid<M> {
                     return bad(k, what, value, "must be finite and >= 0");
                 }
             }
-            for (what, value) in [("output_limit", config.output_limit[k]), ("rate_limit", config.rate_limit[k])] {
-                if value.is_nan() || value <= 0.0 {
-                    return bad(k, what, value, "must be > 0");
-                }
+            let (output, rate) = (config.output_limit[k], config.rate_limit[k]);
+            if !(output.is_finite() && output > 0.0) {
+                return bad(k, "output_limit", output, "must be finite and > 0");
+            }
+            if rate.is_nan() || rate <= 0.0 {
+                return bad(k, "rate_limit", rate, "must be > 0");
             }
         }
         if !(config.dt.is_finite() && config.dt > 0.0) {
@@ -96,8 +97,7 @@ impl<const M: usize> ForcePid<M> {
         if !(config.filter_s.is_finite() && config.filter_s >= 0.0) {
             return bad(0, "filter_s", config.filter_s, "must be finite and >= 0");
         }
-        let share = if config.filter_s > 0.0 { 1.0 - math::exp(-config.dt / config.filter_s) } else { 1.0 };
-        Ok(Self { config, share })
+        Ok(Self { config })
     }
 
     /// The numbers.
@@ -111,10 +111,15 @@ impl<const M: usize> ForcePid<M> {
     /// Where a limit holds the output back, the integral grows no further in that direction.
     pub fn step(&self, state: &mut ForcePidState<M>, error: &[f64; M], dt: f64) -> ([f64; M], bool) {
         let (c, dt) = (&self.config, usable_dt(dt, self.config.dt));
+        let share = low_pass_share(c.filter_s, dt);
         let mut is_limited = false;
         for (k, &error) in error.iter().enumerate() {
             let difference = if state.has_started { (error - state.error_last[k]) / dt } else { 0.0 };
-            state.slope[k] += self.share * (difference - state.slope[k]);
+            let slope = state.slope[k] + share * (difference - state.slope[k]);
+            // A jump beyond all bounds has no slope; remembered, it would be one for ever.
+            if slope.is_finite() {
+                state.slope[k] = slope;
+            }
             let grown = state.integral[k] + c.ki[k] * error * dt;
             let direct = c.kp[k] * error + c.kd[k] * state.slope[k];
             let last = state.output[k];
@@ -193,11 +198,39 @@ mod tests {
     }
 
     #[test]
+    fn one_absurd_sample_does_not_make_it_deaf() {
+        let pid = ForcePid::try_new(ForcePidConfig { kd: [0.03], filter_s: 0.02, ..CALM }).unwrap();
+        let mut state = ForcePidState::default();
+        for error in [0.1, 1e308, -1e308, 0.1, 0.1] {
+            assert!(pid.step(&mut state, &[error], 0.01).0[0].abs() <= 1.0);
+        }
+        for _ in 0..3000 {
+            let _ = pid.step(&mut state, &[-0.2], 0.01);
+        }
+        assert!(state.slope[0].is_finite() && (state.output()[0] + 1.0).abs() < 1e-12, "{state:?}");
+        for _ in 0..3000 {
+            let _ = pid.step(&mut state, &[0.2], 0.01);
+        }
+        assert!((state.output()[0] - 1.0).abs() < 1e-12, "{state:?}");
+    }
+
+    #[test]
+    fn the_filter_of_the_slope_takes_a_long_period_as_many_short_ones() {
+        let pid = ForcePid::try_new(ForcePidConfig { kp: [0.0], ki: [0.0], kd: [1.0], output_limit: [1e9], filter_s: 0.02, ..CALM }).unwrap();
+        let (mut once, mut often) = (ForcePidState::default(), ForcePidState::default());
+        let _ = (pid.step(&mut once, &[0.0], 0.01), pid.step(&mut often, &[0.0], 0.01));
+        let _ = pid.step(&mut once, &[4.0], 0.04);
+        (1..=4).for_each(|k| drop(pid.step(&mut often, &[f64::from(k)], 0.01)));
+        assert!((once.output()[0] - often.output()[0]).abs() < 1e-12, "{once:?} {often:?}");
+    }
+
+    #[test]
     fn unusable_numbers_are_refused() {
         for bad in [
             ForcePidConfig { kp: [-1.0], ..CALM },
             ForcePidConfig { ki: [f64::NAN], ..CALM },
             ForcePidConfig { output_limit: [0.0], ..CALM },
+            ForcePidConfig { output_limit: [f64::INFINITY], ..CALM },
             ForcePidConfig { rate_limit: [f64::NAN], ..CALM },
             ForcePidConfig { dt: 0.0, ..CALM },
             ForcePidConfig { filter_s: -1.0, ..CALM },

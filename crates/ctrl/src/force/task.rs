@@ -9,6 +9,7 @@ use pkm_dyn::svd::Svd;
 use pkm_dyn::{Data, Model, math};
 
 use crate::controller::{ConfigError, Input};
+use crate::pose_walk::walk_if_far;
 
 /// A task of `M` coordinates at one pose of `N` drives.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -174,6 +175,8 @@ pub struct PlatformState {
     of_output: Svd,
     of_drives: Svd,
     zero: Vec<f64>,
+    /// Tree coordinates of the last pose at which the loops closed; the assembly before there is any.
+    good: Vec<f64>,
 }
 
 impl<const M: usize> PlatformTask<M> {
@@ -225,16 +228,23 @@ impl<const N: usize, const M: usize> TaskMap<N, M> for PlatformTask<M> {
             of_output: Svd::new(M, M),
             of_drives: Svd::new(N, M),
             zero: alloc::vec![0.0; N],
+            good: here.q.clone(),
             here,
         }
     }
 
     fn at(&self, state: &mut PlatformState, q: &[f64; N]) -> Option<Task<N, M>> {
-        let PlatformState { here, jacobian, of_output, of_drives, zero, .. } = state;
+        let PlatformState { here, jacobian, of_output, of_drives, zero, good, .. } = state;
         let model = &self.model;
-        if model.n_act() != N || !closed_loop_motion(model, here, q, zero, zero).is_closed {
+        if model.n_act() != N || q.iter().any(|q| !q.is_finite()) {
             return None;
         }
+        if !walk_if_far(model, here, q) || !closed_loop_motion(model, here, q, zero, zero).is_closed {
+            // What Newton left behind is no start for the next sample.
+            here.q.copy_from_slice(good);
+            return None;
+        }
+        good.copy_from_slice(&here.q);
         output_jacobian(model, here, &self.output, jacobian);
         let drives = drive_jacobian(model, here);
         let (mut forward, mut along) = ([[0.0; M]; M], [[0.0; M]; N]);

@@ -37,7 +37,7 @@ impl<const N: usize> ModelBased<N> {
     /// Acceleration of the drives under `tau` at the pose and velocity of the last sample; `None` where the model has none.
     fn acceleration(&self, state: &mut ModelBasedState<N>, tau: &[f64; N]) -> Option<[f64; N]> {
         let v = state.v_hat;
-        let at_rest = self.model.effort(&mut state.model, [&state.q_last, &v, &[0.0; N]], &v)?;
+        let at_rest = self.model.effort(&mut state.model, [&state.q_last, &v, &[0.0; N]], &v).ok()?;
         let left = core::array::from_fn(|k| tau[k] - at_rest[k]);
         self.model.acceleration_of(&mut state.model, &left)
     }

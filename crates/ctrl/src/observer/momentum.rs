@@ -7,7 +7,7 @@
 
 use pkm_dyn::effects::Robot;
 
-use crate::controller::{ConfigError, are_usable};
+use crate::controller::{ConfigError, must_be_usable};
 use crate::drive_model::{DriveModel, DriveModelState};
 use crate::filter::low_pass_share;
 
@@ -89,7 +89,7 @@ impl<const N: usize> MomentumObserver<N> {
     /// One period of `dt` `[s]` under the efforts `tau` `[N | N·m]` ended at positions `q` `[m | rad]` and velocities `v`
     /// `[m/s | rad/s]`. Never fails, never allocates.
     pub fn step(&self, state: &mut MomentumObserverState<N>, [q, v, tau]: [&[f64; N]; 3], dt: f64) -> Outside<N> {
-        let end = if are_usable(&[q, v, tau], dt) { self.end(state, q, v) } else { None };
+        let end = if must_be_usable(&[q, v, tau], dt).is_ok() { self.end(state, q, v) } else { None };
         if let (Some(end), Some(last)) = (end, state.last) {
             for (k, tau_ext) in state.tau_ext.iter_mut().enumerate() {
                 let mean = |i: usize| 0.5 * (end.mass[k][i] + last.mass[k][i]) * (end.v[i] - last.v[i]);
@@ -104,7 +104,7 @@ impl<const N: usize> MomentumObserver<N> {
     }
 
     fn end(&self, state: &mut MomentumObserverState<N>, q: &[f64; N], v: &[f64; N]) -> Option<End<N>> {
-        let nle = self.model.effort(&mut state.model, [q, v, &[0.0; N]], v)?;
+        let nle = self.model.effort(&mut state.model, [q, v, &[0.0; N]], v).ok()?;
         let mass = self.model.mass(&mut state.model);
         mass.iter().flatten().all(|x| x.is_finite()).then_some(End { mass, nle, v: *v })
     }
