@@ -1,8 +1,11 @@
-//! One full step of every controller on every shipped robot that has no surplus drives, each step timed alone: median, 99th percentile,
-//! largest.
+//! One full step of every controller, each step timed alone: median, 99th percentile, largest. Tracking controllers on every shipped robot
+//! that has no surplus drives; controllers of contact on the platform of their tests.
 //!
 //! `cargo bench -p pkm-benches --bench loop_latency`; not criterion, which reports means, and a control loop is as good as its worst step.
 #![expect(clippy::print_stdout, reason = "a table is what this program is for")]
+
+#[path = "../tests/contact/controllers.rs"]
+mod contact;
 
 use core::hint::black_box;
 use std::time::Instant;
@@ -45,9 +48,31 @@ impl<const N: usize> Visit<N> for Clock<'_, N> {
             }
         }
         assert!(!is_faulted, "{} {}", self.robot, entry.name);
-        times.sort_by(f64::total_cmp);
-        let percent = |share: usize| times[(STEPS - 1) * share / 100];
-        println!("| {} | {} | {:.2} | {:.2} | {:.1} |", self.robot, entry.name, percent(50), percent(99), percent(100));
+        tell(self.robot, entry.name, times);
+    }
+}
+
+fn tell(robot: &str, controller: &str, mut times: Vec<f64>) {
+    times.sort_by(f64::total_cmp);
+    let percent = |share: usize| times[(times.len() - 1) * share / 100];
+    println!("| {robot} | {controller} | {:.2} | {:.2} | {:.1} |", percent(50), percent(99), percent(100));
+}
+
+/// Every controller of contact in the loop of its platform, a minute again and again.
+fn on_the_platform() {
+    for (name, mut controller) in contact::all() {
+        let (mut platform, mut times) = (contact::Platform::new(), Vec::with_capacity(STEPS));
+        for k in 0..WARM_UP + STEPS {
+            let input = platform.input(contact::DT * (k % 6000) as f64);
+            let time = now();
+            let command = black_box(controller.step(black_box(&input)));
+            let taken = time.elapsed().as_secs_f64();
+            platform.step(&command.tau);
+            if k >= WARM_UP {
+                times.push(1e6 * taken);
+            }
+        }
+        tell("platform", name, times);
     }
 }
 
@@ -80,4 +105,5 @@ fn main() {
     on::<4>("ups3_rpu1");
     on::<6>("serial_arm");
     on::<7>("serial_arm7");
+    on_the_platform();
 }

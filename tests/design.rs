@@ -1,4 +1,4 @@
-//! Work on the desk against SciPy: sampled systems, regulators, poles, Lyapunov equations.
+//! Work on the desk against scipy: sampled systems, regulators, poles, Lyapunov equations.
 
 #![expect(non_snake_case, reason = "matrices carry the capital letters of the literature")]
 

@@ -354,6 +354,10 @@ fn a_resistance_balances_the_patient_where_its_spring_says() {
         println!("resistance: {:.2} mm of {:.2}, {force:.1} N of {:.1}", 1e3 * moved, 1e3 * want, -push);
         assert!((moved - want).abs() < 5e-4 && (force + push).abs() < 1.5, "{load} {push}: {moved} {force}");
     }
+    let heavy = Channel::Resist(Resistance { load: 0.0, stiffness: 0.0, centre: 0.0, damping: 1e5 });
+    let script = Script::try_new(&[Phase { duration_s: 1.0, ramp_s: 0.5, channels: [heavy; 3] }]).expect("a phase");
+    let config = ExerciseConfig { script, pid: pid(), lower: [-1.0; 3], upper: [1.0; 3] };
+    assert!(Exercise::<3, 3, _, _>::try_new(task(), ModelBased::new(), config).is_err(), "a loop that would alternate");
 }
 
 /// Active-assistive: a patient who lets 40 N of leg hang on the platform is lifted as far as spring and learned help carry it; one who

@@ -50,8 +50,8 @@ const SLOPE: f64 = 5.0;
 
 impl Masses {
     fn step(&mut self, tau: &[f64; 2]) {
-        for k in 0..2 {
-            let a = (tau[k] - SLOPE) / MASS;
+        for (k, tau) in tau.iter().enumerate() {
+            let a = (tau - SLOPE) / MASS;
             self.q[k] += self.v[k] * DT + 0.5 * a * DT * DT;
             self.v[k] += a * DT;
         }
@@ -124,7 +124,7 @@ fn efforts_and_their_rates_are_limited_drive_by_drive() {
     let limited = Limited::try_new(Push([40.0, 90.0]), slow).expect("numbers in range");
     let (mut state, masses) = (limited.at_rest(), Masses { q: [0.0; 2], v: [0.0; 2] });
     let command = limited.step(&mut state, &masses.input());
-    assert_eq!(command.tau, [SLOPE + 1000.0 * DT, 60.0]);
+    assert!((command.tau[0] - (SLOPE + 1000.0 * DT)).abs() < 1e-12 && (command.tau[1] - 60.0).abs() < 1e-12, "{:?}", command.tau);
     assert!(command.health.acted.iter().eq([(Limit::Effort, 1), (Limit::EffortRate, 0)]), "{:?}", command.health.acted);
     assert!(command.health.is_saturated);
     let mut last = command.tau[0];
@@ -195,7 +195,7 @@ fn a_push_of_the_environment_makes_the_robot_yield_and_a_harder_one_stops_it() {
     assert!(limited.step(&mut state, &input).tau[0] > SLOPE + 10.0);
     input.wrench_meas[2] = -70.0;
     let command = limited.step(&mut state, &input);
-    assert_eq!(command.tau, [SLOPE; 2], "no push towards the reference");
+    assert!(command.tau.iter().all(|tau| (tau - SLOPE).abs() < 1e-12), "no push towards the reference: {:?}", command.tau);
     assert!(command.health.acted.at(Limit::Wrench, 2) && !command.health.is_faulted);
     input.wrench_meas[2] = -170.0;
     let fault = limited.step(&mut state, &input).health.fault.expect("too hard");

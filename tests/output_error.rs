@@ -10,7 +10,7 @@ use pkm_dyn::inverse_dynamics::inverse_dynamics;
 use pkm_dyn::loops::{assemble, walk_to};
 use pkm_dyn::{Data, Model, math, urdf};
 use pkm_ident::minimise::{Bounds, Ending};
-use pkm_ident::output_error::{OutputError, Strategy, Trial, Unknown, output_error};
+use pkm_ident::output_error::{Strategy, Trial, Unknown, output_error};
 use pkm_tests::Draw;
 
 /// Period of the records, and of the integration `[s]`: the fastest sinusoid has 50 steps per period.
@@ -125,21 +125,25 @@ impl Sine {
     }
 }
 
+/// Pistons stay below 0.06 m: further up the projected mass doubles, and nothing holds an open-loop motion back.
 /// Eight records for the fit and two others, as in the paper's figures 3 and 4: amplitudes `[V]`, frequencies `[Hz]`, start of the piston `[m]`.
 const SINES: [Sine; 10] = [
-    Sine { amplitude: 4.0, frequency: 0.25, start: 0.03 },
-    Sine { amplitude: 6.0, frequency: 0.4, start: 0.03 },
-    Sine { amplitude: 8.0, frequency: 0.6, start: 0.03 },
-    Sine { amplitude: 5.0, frequency: 0.5, start: 0.05 },
-    Sine { amplitude: 9.0, frequency: 0.8, start: 0.05 },
-    Sine { amplitude: 3.0, frequency: 0.3, start: 0.05 },
-    Sine { amplitude: 7.0, frequency: 1.0, start: 0.07 },
-    Sine { amplitude: 4.0, frequency: 0.7, start: 0.07 },
-    Sine { amplitude: 5.0, frequency: 0.35, start: 0.04 },
-    Sine { amplitude: 8.0, frequency: 0.9, start: 0.06 },
+    Sine { amplitude: 2.0, frequency: 0.25, start: 0.03 },
+    Sine { amplitude: 3.0, frequency: 0.4, start: 0.03 },
+    Sine { amplitude: 6.0, frequency: 0.6, start: 0.025 },
+    Sine { amplitude: 3.0, frequency: 0.5, start: 0.03 },
+    Sine { amplitude: 7.0, frequency: 0.8, start: 0.025 },
+    Sine { amplitude: 2.0, frequency: 0.3, start: 0.035 },
+    Sine { amplitude: 7.0, frequency: 1.0, start: 0.03 },
+    Sine { amplitude: 4.0, frequency: 0.7, start: 0.035 },
+    Sine { amplitude: 2.5, frequency: 0.35, start: 0.03 },
+    Sine { amplitude: 7.0, frequency: 0.9, start: 0.028 },
 ];
 
-const SAMPLES: usize = 250;
+const SAMPLES: usize = 200;
+
+/// One period of the sine that compares the input gains.
+const PERIOD: usize = 50;
 
 /// Input gain b0 `[N·s/V]`, viscous `[N·s/m]` and dry friction `[N]` of the piston.
 const TRUTH: [f64; 3] = [0.0627, 1.5, 0.03];
@@ -154,15 +158,6 @@ fn unknown(name: &str, unit: &'static str, start: f64, scale: f64, lower: f64) -
 
 fn normal(draw: &mut Draw) -> f64 {
     (0..12).map(|_| draw.uniform(0.0..1.0)).sum::<f64>() - 6.0
-}
-
-fn print(out: &OutputError) {
-    println!(
-        "{:?} after {} evaluations, condition {:.1}, noise {:?}, neighbours {:?}",
-        out.ending, out.evaluations, out.condition, out.noise, out.lag_one
-    );
-    out.found.iter().for_each(|f| println!("  {} = {:.5} [{:.5}, {:.5}] {}", f.name, f.value, f.ci95[0], f.ci95[1], f.unit));
-    out.fitted.iter().chain(&out.validated).for_each(|m| println!("  {}: {:.4}", m.trial, m.nrmse[0]));
 }
 
 #[test]
@@ -184,7 +179,6 @@ fn friction_and_input_gain_come_back_from_eight_sinusoids_and_foretell_others() 
     let unknowns =
         [unknown("b0", "N·s/V", 0.05, 0.005, 0.01), unknown("viscous", "N·s/m", 0.5, 0.5, 0.0), unknown("coulomb", "N", 0.01, 0.01, 0.0)];
     let out = output_error(&unknowns, &trials[..8], &trials[8..], &mut simulate, Strategy::Squares).expect("it can be simulated");
-    print(&out);
     assert_eq!(out.ending, Ending::Settled);
     for (f, want) in out.found.iter().zip(TRUTH) {
         assert!((f.value / want - 1.0).abs() < 0.05, "{f:?}, true {want}");
@@ -205,18 +199,20 @@ fn the_ratio_of_the_input_gains_is_the_projected_mass() {
         let middle = plant.piston(degrees);
         plant.go_to(middle);
         let (mass, _) = plant.reduced(middle, 0.0).expect("inside the travel");
-        let sine = Sine { amplitude: 0.4, frequency: 0.5, start: middle };
+        let sine = Sine { amplitude: 0.05, frequency: 1.0, start: middle };
+        // Small and short: the mass grows along the stroke, and its growth pushes the piston on.
         // A sine from rest moves to one side only: it starts half a stroke below.
         let stroke = b1 * sine.amplitude / (2.0 * PI * sine.frequency);
         let start = middle - stroke;
         let w = 2.0 * PI * sine.frequency;
         let along = |gain: f64| -> Vec<f64> {
-            (0..SAMPLES).map(|i| start + gain * sine.amplitude / w * (1.0 - math::cos(w * DT * i as f64))).collect()
+            (0..PERIOD).map(|i| start + gain * sine.amplitude / w * (1.0 - math::cos(w * DT * i as f64))).collect()
         };
         let trial = Trial { name: format!("{degrees} deg"), outputs: vec![plant.ankle_at(&along(b1)).expect("inside the travel")] };
-        let mut force = |x: &[f64], _: usize| plant.ankle(start, SAMPLES, &|t, _| x[0] * sine.rate(t)).map(|phi| vec![phi]);
+        let mut force = |x: &[f64], _: usize| plant.ankle(start, PERIOD, &|t, _| x[0] * sine.rate(t)).map(|phi| vec![phi]);
         let b0 =
-            output_error(&[unknown("b0", "N·s/V", 0.05, 0.01, 1e-4)], &[trial.clone()], &[], &mut force, Strategy::Squares).expect("a fit");
+            output_error(&[unknown("b0", "N·s/V", 0.05, 0.01, 1e-4)], core::slice::from_ref(&trial), &[], &mut force, Strategy::Squares)
+                .expect("a fit");
         let mut speed = |x: &[f64], _: usize| plant.ankle_at(&along(x[0])).map(|phi| vec![phi]);
         let b1_found =
             output_error(&[unknown("b1", "m/(s·V)", 0.005, 0.001, 1e-5)], &[trial], &[], &mut speed, Strategy::Squares).expect("a fit");

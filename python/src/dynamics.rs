@@ -5,7 +5,7 @@ use alloc::sync::Arc;
 use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArray2, PyArray3};
-use pkm_dyn::effects::{Applied, CATALOGUE, Energy, Entry, PlaceKind, Robot as Physics};
+use pkm_dyn::effects::{Applied, CATALOGUE, Energy, Entry, Robot as Physics};
 use pkm_dyn::jacobian::Reference;
 use pkm_dyn::model::{FrameOnBody, JointKind, Model};
 use pkm_dyn::spatial::Pose;

@@ -48,7 +48,7 @@ impl Identification {
 #[pymethods]
 impl Identification {
     /// Stores settings only. `method`: sdp, wls, relevant, ols, huber, bisquare, tls, ridge or iv (along
-    /// the simulated loop: recordings then need q_ref.*); `band_hz`: low-pass for effort and model
+    /// the simulated loop: recordings then need `q_ref.*`); `band_hz`: low-pass for effort and model
     /// alike `[Hz]`, chosen from the motion when None; `hold`: terms that stay as the robot has them (rotor, friction,
     /// passive-friction, offset, stiffness).
     #[new]

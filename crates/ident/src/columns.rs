@@ -115,7 +115,8 @@ pub(crate) fn is_friction_law(e: &Applied) -> bool {
 pub fn is_linear(e: &Applied, k: usize) -> bool {
     let Law::JointEffort(law) = e.entry.law else { return false };
     let at = |scale: f64, s: &JointState| {
-        let mut values: Vec<f64> = e.values.iter().map(|x| x.abs().max(0.5)).collect();
+        // Levels that are equal would hide what tells them apart.
+        let mut values: Vec<f64> = e.values.iter().enumerate().map(|(i, x)| x.abs().max(0.5) + 0.3 * (i + 1) as f64).collect();
         values[k] *= scale;
         law(&values, s)
     };

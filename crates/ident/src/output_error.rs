@@ -353,7 +353,7 @@ mod tests {
         let mut y = 0.0;
         (0..400)
             .map(|i| {
-                let u = if (i / half_period) % 2 == 0 { gain } else { -gain };
+                let u = if (i / half_period).is_multiple_of(2) { gain } else { -gain };
                 y = u + (y - u) * decay;
                 y
             })

@@ -22,7 +22,11 @@ use crate::statistics::{Residual, critical_95, residual_series};
 const FIRST: f64 = 2.0;
 const RANGE: f64 = 1000.0;
 
-/// Walks over the recordings per shape, at most.
+/// Factors by which each shape is tried away from its stated value before the search: the profile has other valleys, in which a friction
+/// peak stands for a drag that grows with speed.
+const TRIED: [f64; 6] = [1.0 / 27.0, 1.0 / 9.0, 1.0 / 3.0, 3.0, 9.0, 27.0];
+
+/// Walks over the recordings per shape, at most, those trials apart.
 const WALKS: usize = 60;
 
 /// Relative step of the second differences.
@@ -86,12 +90,12 @@ pub fn projected(robot: &Robot, fit: &[Recording], kind: Use, rows: RowOptions) 
     let mut search = Search { robot: robot.clone(), places: &places, pairs: &pairs, rows, noise: Vec::new(), error: None };
     let stated: Vec<f64> = places.iter().map(|p| robot.effects[p.effect].values[p.value].max(p.lower).max(f64::MIN_POSITIVE)).collect();
     let start: Vec<f64> = stated.iter().map(|x| math::ln(*x)).collect();
-    search.cost(&start);
     let bounds: Vec<Bounds> = start
         .iter()
         .zip(&places)
         .map(|(x, p)| Bounds { lower: (x - math::ln(RANGE)).max(math::ln(p.lower.max(f64::MIN_POSITIVE))), upper: x + math::ln(RANGE) })
         .collect();
+    let start = search.best_valley(&start, &bounds);
     let steps = vec![math::ln(FIRST); places.len()];
     let options = Options { evaluations: WALKS * places.len(), step: 5e-3, cost: 1e-6 };
     let found = nelder_mead(&mut |x| search.cost(x), &start, &steps, &bounds, &options);
@@ -134,6 +138,26 @@ impl Search<'_> {
             robot.effects[p.effect].values[p.value] = math::exp(*x);
         }
         robot
+    }
+
+    /// The best of the trials of one shape after the other.
+    fn best_valley(&mut self, start: &[f64], bounds: &[Bounds]) -> Vec<f64> {
+        let mut best = (self.cost(start), start.to_vec());
+        for (k, bound) in bounds.iter().enumerate() {
+            let from = best.1.clone();
+            for factor in TRIED {
+                let mut there = from.clone();
+                there[k] = start[k] + math::ln(factor);
+                if there[k] < bound.lower || there[k] > bound.upper {
+                    continue;
+                }
+                let cost = self.cost(&there);
+                if cost < best.0 {
+                    best = (cost, there);
+                }
+            }
+        }
+        best.1
     }
 
     /// Weighted squared error of the best linear parameters.

@@ -122,23 +122,35 @@ fn as_text(name: &str, found: &Twin) -> String {
 
 fn page(robot: &str, recording: &Recording, found: &Twin) -> String {
     let worst = found.joints.iter().filter_map(|j| j.effort).map(|e| e.rms / e.measured_rms.max(f64::MIN_POSITIVE)).fold(0.0, f64::max);
-    let figure = |(prefix, what): (&str, &str), joint: &TwinJoint| -> Option<Figure> {
-        let name = format!("{prefix}.{}", joint.joint);
-        let curve = |label: &str, ink, of: &Recording| -> Option<Curve> {
-            let first = of.time.first()?;
-            let points = of.time.iter().map(|t| t - first).zip(of.signal(&name)?.iter().copied()).collect();
-            Some(Curve { label: label.to_string(), ink, points })
-        };
-        Some(Figure {
-            title: format!("{what} of {}", joint.joint),
-            x_label: "time, s".to_string(),
-            y_label: format!("{name}, SI units"),
-            scales: [Scale::Linear; 2],
-            curves: vec![curve("measured", Ink::Plain, recording)?, curve("simulated", Ink::First, &found.simulated)?],
-            shaded: (String::new(), Vec::new()),
-        })
+    let points = |name: &str, of: &Recording| -> Option<Vec<(f64, f64)>> {
+        let first = of.time.first()?;
+        Some(of.time.iter().map(|t| t - first).zip(of.signal(name)?.iter().copied()).collect())
     };
-    let kinds = [("q", "Position"), ("tau", "Effort")];
+    let curve = |label: &str, ink, points| Curve { label: label.to_string(), ink, points };
+    let figure = |title: String, unit: &str, curves| Figure {
+        title,
+        x_label: "time, s".to_string(),
+        y_label: unit.to_string(),
+        scales: [Scale::Linear; 2],
+        curves,
+        shaded: (String::new(), Vec::new()),
+    };
+    let effort = |joint: &str| -> Option<Figure> {
+        let name = format!("tau.{joint}");
+        let curves = vec![
+            curve("measured", Ink::Plain, points(&name, recording)?),
+            curve("simulated", Ink::First, points(&name, &found.simulated)?),
+        ];
+        Some(figure(format!("Effort of {joint}"), "N or N·m", curves))
+    };
+    // Under feedback both positions are one line: their difference is what can be seen.
+    let position = |joint: &str| -> Option<Figure> {
+        let name = format!("q.{joint}");
+        let (ours, theirs) = (points(&name, &found.simulated)?, points(&name, recording)?);
+        let difference = theirs.iter().zip(&ours).map(|((t, q), (_, simulated))| (*t, q - simulated)).collect();
+        let curves = vec![curve("measured less simulated", Ink::Second, difference)];
+        Some(figure(format!("Position of {joint}, measured less simulated"), "m or rad", curves))
+    };
     sheet(&Sheet {
         eyebrow: "Replay in simulation".to_string(),
         title: robot.to_string(),
@@ -148,7 +160,7 @@ fn page(robot: &str, recording: &Recording, found: &Twin) -> String {
              rms of the measured effort about its mean.",
             found.duration_s
         ),
-        figures: found.joints.iter().flat_map(|j| kinds.iter().filter_map(move |&kind| figure(kind, j))).collect(),
+        figures: found.joints.iter().flat_map(|j| [effort(&j.joint), position(&j.joint)]).flatten().collect(),
         tables: vec![Table { title: "Measured less simulated".to_string(), head: head(), rows: found.joints.iter().map(row).collect() }],
         footer: "The simulation has no noise; a robot that another controller moved differs by that as well.".to_string(),
     })

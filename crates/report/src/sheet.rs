@@ -147,10 +147,13 @@ fn figure(f: &Figure) -> Option<String> {
     let frame = Frame { x: axis(f.scales[0], &mut points().map(|p| p.0), 0.0)?, y: axis(f.scales[1], &mut points().map(|p| p.1), 0.05)? };
     let mut layers = spans(&frame, &f.shaded.1);
     let mut legend = String::new();
-    for c in &f.curves {
+    for (i, c) in f.curves.iter().enumerate() {
         let (x, y): (Vec<f64>, Vec<f64>) = c.points.iter().copied().filter(has_place).unzip();
         layers.push_str(&path(&frame, &decimate(&x, &y, POINTS_MAX), c.ink.class()));
-        put!(legend, r#"<span class="key l-{}">{}</span>"#, c.ink.class(), esc(&c.label));
+        // Curves of one name, a lower and an upper limit say, are told of once.
+        if f.curves[..i].iter().all(|before| before.label != c.label) {
+            put!(legend, r#"<span class="key l-{}">{}</span>"#, c.ink.class(), esc(&c.label));
+        }
     }
     if !f.shaded.1.is_empty() {
         put!(legend, r#"<span class="key k-span">{}</span>"#, esc(&f.shaded.0));

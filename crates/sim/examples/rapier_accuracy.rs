@@ -31,7 +31,7 @@ fn main() {
     for name in &names {
         for (friction, model) in [("none", frictionless(name)), ("as shipped", shipped(name))] {
             for row in rows(&model) {
-                println!("| {name} | {friction} | {row} |");
+                println!("| `{name}` | {friction} | {row} |");
             }
         }
     }

@@ -1,5 +1,8 @@
 //! From continuous to sampled time: matrix exponential, zero-order hold, Tustin's rule.
 
+use alloc::vec;
+use alloc::vec::Vec;
+
 use nalgebra::DMatrix;
 
 use super::error::{DesignError, inverse, must_be, must_be_positive};
@@ -39,6 +42,43 @@ fn one_norm(A: &DMatrix<f64>) -> f64 {
     A.column_iter().map(|c| c.iter().map(|x| x.abs()).sum::<f64>()).fold(0.0, f64::max)
 }
 
+/// Passes over all rows; each at least halves a row that is much larger than its column, or the other way round.
+const BALANCING: usize = 100;
+
+/// `S⁻¹·A·S` with rows and columns alike in size, and the powers of two in the diagonal of S \[Parlett1969\]: positions beside velocities of
+/// stiff parts would otherwise ask for so many squarings that rounding takes half of the digits.
+pub(crate) fn balanced(A: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
+    let n = A.nrows();
+    let (mut A, mut scale) = (A.clone(), vec![1.0_f64; n]);
+    for _ in 0..BALANCING {
+        let mut is_done = true;
+        for i in 0..n {
+            let size = |along: &dyn Fn(usize) -> f64| (0..n).filter(|&j| j != i).map(|j| along(j).abs()).sum::<f64>();
+            let (mut column, row) = (size(&|j| A[(j, i)]), size(&|j| A[(i, j)]));
+            if column <= 0.0 || row <= 0.0 {
+                continue;
+            }
+            let (before, mut share) = (column + row, 1.0_f64);
+            while column < 0.5 * row {
+                (share, column) = (share * 2.0, column * 4.0);
+            }
+            while column >= 2.0 * row {
+                (share, column) = (share * 0.5, column * 0.25);
+            }
+            if (column + row) / share < 0.95 * before {
+                is_done = false;
+                scale[i] *= share;
+                A.row_mut(i).iter_mut().for_each(|a| *a /= share);
+                A.column_mut(i).iter_mut().for_each(|a| *a *= share);
+            }
+        }
+        if is_done {
+            break;
+        }
+    }
+    (A, scale)
+}
+
 /// `exp(A)` of a square matrix by scaling and squaring \[Higham2005\].
 ///
 /// # Errors
@@ -46,7 +86,8 @@ fn one_norm(A: &DMatrix<f64>) -> f64 {
 pub fn exponential(A: &DMatrix<f64>) -> Result<DMatrix<f64>, DesignError> {
     let n = A.nrows();
     must_be("A", A, n, n)?;
-    let (mut A, mut halvings) = (A.clone(), 0_u32);
+    let (mut A, scale) = balanced(A);
+    let mut halvings = 0_u32;
     while one_norm(&A) > THETA {
         A *= 0.5;
         halvings += 1;
@@ -62,6 +103,11 @@ pub fn exponential(A: &DMatrix<f64>) -> Result<DMatrix<f64>, DesignError> {
     let mut E = (&even - &U).lu().solve(&(even + U)).ok_or(DesignError::Singular { what: "the Padé denominator" })?;
     for _ in 0..halvings {
         E = &E * &E;
+    }
+    for i in 0..n {
+        for j in 0..n {
+            E[(i, j)] *= scale[i] / scale[j];
+        }
     }
     must_be("exp(A)", &E, n, n)?;
     Ok(E)

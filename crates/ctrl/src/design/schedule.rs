@@ -77,7 +77,7 @@ mod tests {
             assert!((point[0] - want[0]).abs() < 1e-12 && (point[1] - want[1]).abs() < 1e-6, "{points:?}");
         }
         let bent: Vec<Sample> =
-            (0..30).map(|k| f64::from(k)).map(|k| Sample { value: 1.0 + k, critical: 5.0 + (k - 11.0) * (k - 11.0) }).collect();
+            (0..30).map(f64::from).map(|k| Sample { value: 1.0 + k, critical: 5.0 + (k - 11.0) * (k - 11.0) }).collect();
         let points = fit(&bent, 4, 0.5).unwrap();
         for s in &bent {
             let i = (1..3).find(|&i| s.value <= points[i][0]).unwrap_or(3);

@@ -3,8 +3,10 @@
 //! The commanded place `x_cmd` follows a path in one coordinate and the force loop in another, `x'_cmd = (1 − s)·x'_path + s·PID(f_ref − f)`;
 //! the drives follow it through the inverse kinematics. A phase begins where the last one was, with the speed and the force it had.
 
+use pkm_dyn::math;
+
 use crate::controller::{Command, ConfigError, Controller, Input};
-use crate::exercise::channel::{Assistance, Channel, Path, fade};
+use crate::exercise::channel::{Assistance, Channel, Path, Resistance, fade};
 use crate::exercise::script::{Phase, Script};
 use crate::fault::Limit;
 use crate::force::explicit::{check_limits, stopped};
@@ -31,7 +33,13 @@ pub struct Exercise<const N: usize, const M: usize, K, C> {
     inner: C,
     config: ExerciseConfig<M>,
     pid: ForcePid<M>,
+    /// Share of the new rate in the one that damping feels.
+    share: f64,
 }
+
+/// Time constant with which damping feels the commanded rate `[s]`: the rate is the force loop's own answer to the damping, and fed back
+/// at once it would alternate from step to step.
+const FELT_S: f64 = 0.05;
 
 /// What an [`Exercise`] remembers.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,6 +64,8 @@ pub struct ExerciseState<const N: usize, const M: usize, S, I> {
     f_from: [f64; M],
     /// Learned part of an assistance `[N | N·m]`.
     learned: [f64; M],
+    /// The commanded rate as damping feels it `[m/s | rad/s]`.
+    felt: [f64; M],
     q_ref: [f64; N],
     tau_safe: [f64; N],
     is_inner_saturated: bool,
@@ -66,12 +76,23 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Exercis
     /// Checks the numbers.
     ///
     /// # Errors
-    /// What [`ForcePid::try_new`] refuses; ranges that are empty or not finite.
+    /// What [`ForcePid::try_new`] refuses; ranges that are empty or not finite; more damping than the force loop's `kp` can follow.
     pub fn try_new(map: K, inner: C, config: ExerciseConfig<M>) -> Result<Self, ConfigError> {
         for k in 0..M {
             check_limits("upper - lower", &[config.upper[k] - config.lower[k]])?;
         }
-        Ok(Self { map, inner, pid: ForcePid::try_new(config.pid)?, config })
+        let pid = ForcePid::try_new(config.pid)?;
+        let share = 1.0 - math::exp(-config.pid.dt / FELT_S);
+        for channel in config.script.phases().flat_map(|p| p.channels.iter().enumerate()) {
+            let (drive, Channel::Resist(Resistance { damping, .. }) | Channel::Assist(Assistance { damping, .. })) = channel else {
+                continue;
+            };
+            // The pole of that loop, from rate to damping to rate, is 1 - share·(1 + kp·damping): it must not alternate for long.
+            if share * (1.0 + config.pid.kp[drive] * damping) > 1.5 {
+                return Err(ConfigError { drive, what: "damping", value: *damping, limit: "too much for the kp of the force loop" });
+            }
+        }
+        Ok(Self { map, inner, pid, share, config })
     }
 
     /// A phase begins: from the commanded place and speed, the present share of the force loop and the measured force.
@@ -100,7 +121,8 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Exercis
         for k in 0..M {
             let wanted = if phase.channels[k].follows_force() { 1.0 } else { 0.0 };
             state.share[k] = state.share_from[k] + (wanted - state.share_from[k]) * into;
-            let (x, v) = (task.x[k], state.v_cmd[k]);
+            state.felt[k] += self.share * (state.v_cmd[k] - state.felt[k]);
+            let (x, v) = (task.x[k], state.felt[k]);
             let [mut along, mut speed] = state.paths[k].at(since);
             // Waves come in when the ramp is over, with their slope faded in over one more.
             let after = since - phase.ramp_s;
@@ -175,6 +197,7 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>, C: Controller<N>> Control
             share: zero,
             f_from: zero,
             learned: zero,
+            felt: zero,
             q_ref: [0.0; N],
             tau_safe: [0.0; N],
             is_inner_saturated: false,

@@ -187,22 +187,22 @@ mod tests {
         let decay = math::exp(-sigma * dt);
         let (s, c) = math::sin_cos(wd * dt);
         let step = exact([m, 2.0 * m * sigma, k], dt);
-        assert!((step[0][0] - decay * (c + sigma / wd * s)).abs() < 1e-15);
-        assert!((step[0][1] - decay * s / wd).abs() < 1e-15);
-        assert!((step[0][2] - (1.0 - decay * (c + sigma / wd * s)) / k).abs() < 1e-16);
+        assert!((step[0][0] - decay * (c + sigma / wd * s)).abs() < 1e-13);
+        assert!((step[0][1] - decay * s / wd).abs() < 1e-13);
+        assert!((step[0][2] - (1.0 - decay * (c + sigma / wd * s)) / k).abs() < 1e-14);
         // Critically damped: x = e^(−ωt)·(1 + ωt); overdamped: two exponentials; no spring: v = e^(−dt/m).
         let step = exact([m, 2.0 * m * w, k], dt);
-        assert!((step[0][0] - math::exp(-w * dt) * (1.0 + w * dt)).abs() < 1e-15);
+        assert!((step[0][0] - math::exp(-w * dt) * (1.0 + w * dt)).abs() < 1e-13);
         let (p, r) = (5.0, w * w / 5.0);
         let step = exact([m, m * (p + r), k], dt);
         let want = (r * math::exp(-p * dt) - p * math::exp(-r * dt)) / (r - p);
-        assert!((step[0][0] - want).abs() < 1e-15);
+        assert!((step[0][0] - want).abs() < 1e-13);
         let step = exact([m, 5.0, 0.0], dt);
-        assert!((step[1][1] - math::exp(-2.5 * dt)).abs() < 1e-15 && (step[1][2] - (1.0 - math::exp(-2.5 * dt)) / 5.0).abs() < 1e-16);
+        assert!((step[1][1] - math::exp(-2.5 * dt)).abs() < 1e-13 && (step[1][2] - (1.0 - math::exp(-2.5 * dt)) / 5.0).abs() < 1e-14);
         let step = exact([m, 0.0, 0.0], dt);
-        assert!((step[0][2] - dt * dt / (2.0 * m)).abs() < 1e-18);
+        assert!((step[0][2] - dt * dt / (2.0 * m)).abs() < 1e-16);
         // Light and heavily damped: the force's share settles, nothing overflows.
         let step = exact([1e-3, 500.0, 100.0], 0.01);
-        assert!((step[1][1]).abs() < 1e-9 && step[0][0] > 0.99);
+        assert!(step[1][1].abs() < 1e-6 && (step[0][0] - 0.998).abs() < 1e-4, "{step:?}");
     }
 }

@@ -123,6 +123,15 @@ impl Search<'_> {
         out
     }
 
+    /// The derivatives without those of parameters that would leave their bounds downhill: they stay, and the others find their way.
+    fn free_columns(&self, scaled: &Mat<f64>, gradient: &Mat<f64>, x: &[f64]) -> Mat<f64> {
+        let is_held = |k: usize| {
+            let Some(b) = self.bounds.get(k) else { return false };
+            (x[k] <= b.lower && gradient[(k, 0)] > 0.0) || (x[k] >= b.upper && gradient[(k, 0)] < 0.0)
+        };
+        Mat::from_fn(scaled.nrows(), scaled.ncols(), |i, k| if is_held(k) { 0.0 } else { scaled[(i, k)] })
+    }
+
     fn descend(&mut self, out: &mut Squares) {
         let n = out.x.len();
         let mut scaled = self.jacobian(&out.x, &out.residual);
@@ -133,7 +142,8 @@ impl Search<'_> {
             out.iterations += 1;
             let e = Mat::from_fn(out.residual.len(), 1, |i, _| out.residual[i]);
             let gradient = scaled.transpose() * &e;
-            let step = damped_step(&scaled, &e, damping);
+            let free = self.free_columns(&scaled, &gradient, &out.x);
+            let step = damped_step(&free, &e, damping);
             let there: Vec<f64> = (0..n).map(|k| self.clamped(k, out.x[k] + self.scales[k] * step[(k, 0)])).collect();
             // What is left of the step inside the bounds.
             let step = Mat::from_fn(n, 1, |k, _| (there[k] - out.x[k]) / self.scales[k]);

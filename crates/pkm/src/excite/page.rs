@@ -68,7 +68,7 @@ fn search(found: &Excitation) -> Figure {
     let shown = |x: f64| if is_condition { math::exp(x) } else { x };
     let best = found.traces.iter().position(|t| t.quality == found.quality);
     let curve = |(i, t): (usize, &pkm_ident::excitation::Trace)| Curve {
-        label: if Some(i) == best { "the best restart".to_string() } else { format!("restart {}", i + 1) },
+        label: (if Some(i) == best { "the best restart" } else { "other restarts" }).to_string(),
         ink: if Some(i) == best { Ink::First } else { Ink::Second },
         points: core::iter::once(&t.start).chain(&t.steps).enumerate().map(|(step, x)| (step as f64, shown(*x))).collect(),
     };

@@ -31,7 +31,6 @@ pub(super) fn text(answer: &Identification) -> String {
     ));
     out.push("\nHeld-out error, share of the effort's rms".to_string());
     let mut rows = vec![["drive", "effort rms", "nominal", "identified", "fitted rows", "residual"].map(str::to_string).to_vec()];
-    let percent = |x: f64| format!("{:.1} %", 100.0 * x);
     rows.extend(answer.joints.iter().map(|j| {
         let colour = if j.is_white { "white".to_string() } else { format!("coloured, neighbours {:.2}", j.lag_one) };
         vec![
@@ -65,6 +64,16 @@ pub(super) fn text(answer: &Identification) -> String {
             if last.is_feasible { "yes" } else { "no" }
         ));
     }
+    extras(answer, &mut out);
+    if !answer.notes.is_empty() {
+        out.push("\nNotes".to_string());
+        out.extend(answer.notes.iter().map(|n| format!("  {n}")));
+    }
+    out.join("\n")
+}
+
+/// Shapes, instruments and preprocessing, where there were any.
+fn extras(answer: &Identification, out: &mut Vec<String>) {
     if !answer.shapes.is_empty() {
         out.push("\nShapes of friction laws".to_string());
         let mut rows = vec![["stated", "identified", "95 % interval", "unit", "shape"].map(str::to_string).to_vec()];
@@ -89,11 +98,10 @@ pub(super) fn text(answer: &Identification) -> String {
         out.push("\nPreprocessing".to_string());
         out.extend(told);
     }
-    if !answer.notes.is_empty() {
-        out.push("\nNotes".to_string());
-        out.extend(answer.notes.iter().map(|n| format!("  {n}")));
-    }
-    out.join("\n")
+}
+
+fn percent(x: f64) -> String {
+    format!("{:.1} %", 100.0 * x)
 }
 
 /// The answer as JSON.

@@ -81,7 +81,7 @@ fn preprocessing_and_instruments_are_told_in_words_json_and_page() {
     let page = fs::read_to_string(folder.path().join("out.html")).unwrap();
     assert!(page.contains("Durbin-Wu-Hausman") && page.contains("clock of the efforts"));
     let help = prints(folder.path(), &["identify", "--help"]);
-    for part in ["--period", "--shapes", "iv (instruments", "Preprocessing"] {
+    for part in ["--period", "--shapes", "instruments from the simulated loop", "Preprocessing"] {
         assert!(help.contains(part), "{part} in {help}");
     }
 }

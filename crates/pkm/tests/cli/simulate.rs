@@ -197,11 +197,11 @@ fn each_plant_and_rule_moves_the_robot_alike_and_gives_the_same_bytes_twice() {
         let at = lines[first - 1].split(',').position(|name| name == "q.j1").unwrap();
         lines[first..].iter().map(|line| line.split(',').nth(at).unwrap().parse().unwrap()).collect()
     };
-    let base = ["simulate", "rig.toml", "--duration", "1", "--noise", "none", "--quiet", "--force", "--out"];
+    let base = ["simulate", "rig.toml", "--duration", "0.4", "--noise", "none", "--quiet", "--force", "--out"];
     prints(folder.path(), &[&base[..], &["reduced.csv", "--plant", "reduced"]].concat());
     let want = column("reduced.csv");
     for rule in ["auto", "runge-kutta", "radau", "gauss", "moreau"] {
-        let flags = ["A.csv", "--plant", "constrained", "--integrator", rule, "--step", "2.5e-4", "--end-stops", "0.1"];
+        let flags = ["A.csv", "--plant", "constrained", "--integrator", rule, "--step", "5e-4", "--end-stops", "0.1"];
         prints(folder.path(), &[&base[..], &flags].concat());
         let bytes = fs::read(folder.path().join("A.csv")).unwrap();
         prints(folder.path(), &[&base[..], &flags].concat());

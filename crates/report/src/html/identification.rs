@@ -71,7 +71,7 @@ fn errors(answer: &Identification) -> String {
             format!("{} {}", value(j.effort_rms), j.unit),
             num(&percent(j.nominal)),
             num(&percent(j.identified)),
-            svg::bar(j.identified / top, Some(j.nominal / top), "after", &title),
+            svg::bar(j.identified / top, Some(j.nominal / top), "fill-after", &title),
             residual,
         ]
     };

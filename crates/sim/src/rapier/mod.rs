@@ -37,54 +37,54 @@
 //!
 //! | robot | friction | plant | error under PD | error of playback, 1 s | widest gap | µs per ms |
 //! |---|---|---|---|---|---|---|
-//! | five_bar | none | own, 0.5 ms | 5.8e-9 | | | 2 |
-//! | five_bar | none | 1 ms, 32 sweeps | 2.9e-6 | 5.9e-4 | 2.4e-8 | 13 |
-//! | five_bar | none | 0.5 ms, 32 sweeps | 1.1e-7 | 2.9e-4 | 6.1e-9 | 29 |
-//! | five_bar | none | 0.25 ms, 8 sweeps | 7.6e-6 | 2.1e-2 | 1.4e-7 | 32 |
-//! | five_bar | none | 0.25 ms, 32 sweeps | 5.4e-8 | 1.5e-4 | 1.5e-9 | 57 |
-//! | five_bar | none | 0.125 ms, 32 sweeps | 2.7e-8 | 7.4e-5 | 3.8e-10 | 117 |
-//! | five_bar | as shipped | own, 0.5 ms | 6.9e-7 | | | 3 |
-//! | five_bar | as shipped | 1 ms, 32 sweeps | 2.3e-4 | 2.0e-2 | 1.4e-7 | 16 |
-//! | five_bar | as shipped | 0.5 ms, 32 sweeps | 6.0e-5 | 5.7e-3 | 3.0e-8 | 31 |
-//! | five_bar | as shipped | 0.25 ms, 8 sweeps | 8.0e-4 | 2.1e-1 | 1.5e-7 | 34 |
-//! | five_bar | as shipped | 0.25 ms, 32 sweeps | 3.9e-5 | 5.9e-3 | 4.9e-9 | 58 |
-//! | five_bar | as shipped | 0.125 ms, 32 sweeps | 3.4e-5 | 6.4e-3 | 6.3e-10 | 124 |
-//! | serial_arm | none | own, 0.5 ms | 6.0e-9 | | | 4 |
-//! | serial_arm | none | 1 ms, 32 sweeps | 7.7e-6 | 6.1e-3 | 3.6e-6 | 22 |
-//! | serial_arm | none | 0.5 ms, 32 sweeps | 4.0e-6 | 3.1e-3 | 9.1e-7 | 44 |
-//! | serial_arm | none | 0.25 ms, 8 sweeps | 1.7e-5 | 1.3e-2 | 2.3e-6 | 47 |
-//! | serial_arm | none | 0.25 ms, 32 sweeps | 2.1e-6 | 1.5e-3 | 2.3e-7 | 89 |
-//! | serial_arm | none | 0.125 ms, 32 sweeps | 1.0e-6 | 7.7e-4 | 5.8e-8 | 177 |
-//! | serial_arm | as shipped | own, 0.5 ms | 9.6e-8 | | | 5 |
-//! | serial_arm | as shipped | 1 ms, 32 sweeps | 4.8e-4 | 3.7e-3 | 4.6e-6 | 22 |
-//! | serial_arm | as shipped | 0.5 ms, 32 sweeps | 3.5e-4 | 2.0e-3 | 9.9e-7 | 46 |
-//! | serial_arm | as shipped | 0.25 ms, 8 sweeps | 1.1e-3 | 6.0e-3 | 1.9e-6 | 48 |
-//! | serial_arm | as shipped | 0.25 ms, 32 sweeps | 2.9e-5 | 1.2e-3 | 2.2e-7 | 92 |
-//! | serial_arm | as shipped | 0.125 ms, 32 sweeps | 3.3e-5 | 8.8e-4 | 5.4e-8 | 177 |
-//! | prs3 | none | own, 0.5 ms | 3.7e-11 | | | 4 |
-//! | prs3 | none | 1 ms, 32 sweeps | 5.4e-7 | 2.5e-9 | 3.5e-7 | 23 |
-//! | prs3 | none | 0.5 ms, 32 sweeps | 1.6e-10 | 6.2e-10 | 8.8e-8 | 48 |
-//! | prs3 | none | 0.25 ms, 8 sweeps | 1.5e-8 | 1.5e-8 | 9.1e-8 | 51 |
-//! | prs3 | none | 0.25 ms, 32 sweeps | 3.8e-11 | 1.4e-10 | 2.2e-8 | 98 |
-//! | prs3 | none | 0.125 ms, 32 sweeps | 1.4e-11 | 1.9e-11 | 5.5e-9 | 189 |
-//! | prs3 | as shipped | own, 0.5 ms | 7.6e-9 | | | 5 |
-//! | prs3 | as shipped | 1 ms, 32 sweeps | 4.0e-5 | 2.6e-4 | 5.0e-7 | 23 |
-//! | prs3 | as shipped | 0.5 ms, 32 sweeps | 4.0e-5 | 2.8e-4 | 1.2e-7 | 49 |
-//! | prs3 | as shipped | 0.25 ms, 8 sweeps | 4.0e-5 | 2.8e-4 | 1.3e-7 | 51 |
-//! | prs3 | as shipped | 0.25 ms, 32 sweeps | 4.0e-5 | 2.8e-4 | 3.1e-8 | 100 |
-//! | prs3 | as shipped | 0.125 ms, 32 sweeps | 4.0e-5 | 2.8e-4 | 7.8e-9 | 187 |
-//! | ups3_rpu1 | none | own, 0.5 ms | 9.0e-10 | | | 6 |
-//! | ups3_rpu1 | none | 1 ms, 32 sweeps | 6.5e-6 | 5.0e-4 | 2.7e-4 | 32 |
-//! | ups3_rpu1 | none | 0.5 ms, 32 sweeps | 1.4e-6 | 3.2e-4 | 6.8e-5 | 63 |
-//! | ups3_rpu1 | none | 0.25 ms, 8 sweeps | 4.3e-6 | 2.1e-3 | 7.1e-5 | 72 |
-//! | ups3_rpu1 | none | 0.25 ms, 32 sweeps | 3.7e-7 | 1.8e-4 | 1.7e-5 | 130 |
-//! | ups3_rpu1 | none | 0.125 ms, 32 sweeps | 1.6e-7 | 9.5e-5 | 4.2e-6 | 254 |
-//! | ups3_rpu1 | as shipped | own, 0.5 ms | 4.0e-9 | | | 7 |
-//! | ups3_rpu1 | as shipped | 1 ms, 32 sweeps | 2.1e-4 | 2.4e-2 | 2.8e-4 | 33 |
-//! | ups3_rpu1 | as shipped | 0.5 ms, 32 sweeps | 9.5e-5 | 1.5e-3 | 6.9e-5 | 66 |
-//! | ups3_rpu1 | as shipped | 0.25 ms, 8 sweeps | 1.8e-4 | 2.4e-2 | 7.3e-5 | 70 |
-//! | ups3_rpu1 | as shipped | 0.25 ms, 32 sweeps | 8.5e-5 | 6.0e-4 | 1.7e-5 | 124 |
-//! | ups3_rpu1 | as shipped | 0.125 ms, 32 sweeps | 8.4e-5 | 5.5e-4 | 4.3e-6 | 256 |
+//! | `five_bar` | none | own, 0.5 ms | 5.8e-9 | | | 2 |
+//! | `five_bar` | none | 1 ms, 32 sweeps | 2.9e-6 | 5.9e-4 | 2.4e-8 | 13 |
+//! | `five_bar` | none | 0.5 ms, 32 sweeps | 1.1e-7 | 2.9e-4 | 6.1e-9 | 29 |
+//! | `five_bar` | none | 0.25 ms, 8 sweeps | 7.6e-6 | 2.1e-2 | 1.4e-7 | 32 |
+//! | `five_bar` | none | 0.25 ms, 32 sweeps | 5.4e-8 | 1.5e-4 | 1.5e-9 | 57 |
+//! | `five_bar` | none | 0.125 ms, 32 sweeps | 2.7e-8 | 7.4e-5 | 3.8e-10 | 117 |
+//! | `five_bar` | as shipped | own, 0.5 ms | 6.9e-7 | | | 3 |
+//! | `five_bar` | as shipped | 1 ms, 32 sweeps | 2.3e-4 | 2.0e-2 | 1.4e-7 | 16 |
+//! | `five_bar` | as shipped | 0.5 ms, 32 sweeps | 6.0e-5 | 5.7e-3 | 3.0e-8 | 31 |
+//! | `five_bar` | as shipped | 0.25 ms, 8 sweeps | 8.0e-4 | 2.1e-1 | 1.5e-7 | 34 |
+//! | `five_bar` | as shipped | 0.25 ms, 32 sweeps | 3.9e-5 | 5.9e-3 | 4.9e-9 | 58 |
+//! | `five_bar` | as shipped | 0.125 ms, 32 sweeps | 3.4e-5 | 6.4e-3 | 6.3e-10 | 124 |
+//! | `serial_arm` | none | own, 0.5 ms | 6.0e-9 | | | 4 |
+//! | `serial_arm` | none | 1 ms, 32 sweeps | 7.7e-6 | 6.1e-3 | 3.6e-6 | 22 |
+//! | `serial_arm` | none | 0.5 ms, 32 sweeps | 4.0e-6 | 3.1e-3 | 9.1e-7 | 44 |
+//! | `serial_arm` | none | 0.25 ms, 8 sweeps | 1.7e-5 | 1.3e-2 | 2.3e-6 | 47 |
+//! | `serial_arm` | none | 0.25 ms, 32 sweeps | 2.1e-6 | 1.5e-3 | 2.3e-7 | 89 |
+//! | `serial_arm` | none | 0.125 ms, 32 sweeps | 1.0e-6 | 7.7e-4 | 5.8e-8 | 177 |
+//! | `serial_arm` | as shipped | own, 0.5 ms | 9.6e-8 | | | 5 |
+//! | `serial_arm` | as shipped | 1 ms, 32 sweeps | 4.8e-4 | 3.7e-3 | 4.6e-6 | 22 |
+//! | `serial_arm` | as shipped | 0.5 ms, 32 sweeps | 3.5e-4 | 2.0e-3 | 9.9e-7 | 46 |
+//! | `serial_arm` | as shipped | 0.25 ms, 8 sweeps | 1.1e-3 | 6.0e-3 | 1.9e-6 | 48 |
+//! | `serial_arm` | as shipped | 0.25 ms, 32 sweeps | 2.9e-5 | 1.2e-3 | 2.2e-7 | 92 |
+//! | `serial_arm` | as shipped | 0.125 ms, 32 sweeps | 3.3e-5 | 8.8e-4 | 5.4e-8 | 177 |
+//! | `prs3` | none | own, 0.5 ms | 3.7e-11 | | | 4 |
+//! | `prs3` | none | 1 ms, 32 sweeps | 5.4e-7 | 2.5e-9 | 3.5e-7 | 23 |
+//! | `prs3` | none | 0.5 ms, 32 sweeps | 1.6e-10 | 6.2e-10 | 8.8e-8 | 48 |
+//! | `prs3` | none | 0.25 ms, 8 sweeps | 1.5e-8 | 1.5e-8 | 9.1e-8 | 51 |
+//! | `prs3` | none | 0.25 ms, 32 sweeps | 3.8e-11 | 1.4e-10 | 2.2e-8 | 98 |
+//! | `prs3` | none | 0.125 ms, 32 sweeps | 1.4e-11 | 1.9e-11 | 5.5e-9 | 189 |
+//! | `prs3` | as shipped | own, 0.5 ms | 7.6e-9 | | | 5 |
+//! | `prs3` | as shipped | 1 ms, 32 sweeps | 4.0e-5 | 2.6e-4 | 5.0e-7 | 23 |
+//! | `prs3` | as shipped | 0.5 ms, 32 sweeps | 4.0e-5 | 2.8e-4 | 1.2e-7 | 49 |
+//! | `prs3` | as shipped | 0.25 ms, 8 sweeps | 4.0e-5 | 2.8e-4 | 1.3e-7 | 51 |
+//! | `prs3` | as shipped | 0.25 ms, 32 sweeps | 4.0e-5 | 2.8e-4 | 3.1e-8 | 100 |
+//! | `prs3` | as shipped | 0.125 ms, 32 sweeps | 4.0e-5 | 2.8e-4 | 7.8e-9 | 187 |
+//! | `ups3_rpu1` | none | own, 0.5 ms | 9.0e-10 | | | 6 |
+//! | `ups3_rpu1` | none | 1 ms, 32 sweeps | 6.5e-6 | 5.0e-4 | 2.7e-4 | 32 |
+//! | `ups3_rpu1` | none | 0.5 ms, 32 sweeps | 1.4e-6 | 3.2e-4 | 6.8e-5 | 63 |
+//! | `ups3_rpu1` | none | 0.25 ms, 8 sweeps | 4.3e-6 | 2.1e-3 | 7.1e-5 | 72 |
+//! | `ups3_rpu1` | none | 0.25 ms, 32 sweeps | 3.7e-7 | 1.8e-4 | 1.7e-5 | 130 |
+//! | `ups3_rpu1` | none | 0.125 ms, 32 sweeps | 1.6e-7 | 9.5e-5 | 4.2e-6 | 254 |
+//! | `ups3_rpu1` | as shipped | own, 0.5 ms | 4.0e-9 | | | 7 |
+//! | `ups3_rpu1` | as shipped | 1 ms, 32 sweeps | 2.1e-4 | 2.4e-2 | 2.8e-4 | 33 |
+//! | `ups3_rpu1` | as shipped | 0.5 ms, 32 sweeps | 9.5e-5 | 1.5e-3 | 6.9e-5 | 66 |
+//! | `ups3_rpu1` | as shipped | 0.25 ms, 8 sweeps | 1.8e-4 | 2.4e-2 | 7.3e-5 | 70 |
+//! | `ups3_rpu1` | as shipped | 0.25 ms, 32 sweeps | 8.5e-5 | 6.0e-4 | 1.7e-5 | 124 |
+//! | `ups3_rpu1` | as shipped | 0.125 ms, 32 sweeps | 8.4e-5 | 5.5e-4 | 4.3e-6 | 256 |
 //!
 //! Without friction the error is what the sweeps over the fastenings leave over: long chains (the arm) need more of them, and it falls as the
 //! first power of the substep; where they converge (prs3) it is of second order. With friction the rest under the controller, 3e-5 to 9e-5, is

@@ -53,12 +53,15 @@ fn model(urdf: &str, toml: &str) -> Model {
     parse(&toml, urdf, ["robot.toml", "r.urdf"]).expect("the robot loads").bare
 }
 
+/// Effect, place, parameters.
+type Stated<'s> = (&'s str, &'s str, &'s [(&'s str, f64)]);
+
 fn driven(joints: &[&str], rotor_inertia: f64) -> String {
     joints.iter().map(|j| format!("[[actuator]]\njoint = \"{j}\"\nrotor_inertia = {rotor_inertia:?}\n")).collect()
 }
 
-fn with(model: &Model, effects: &[(&str, &str, &[(&str, f64)])]) -> Robot {
-    let apply = |(name, place, parameters): &(&str, &str, &[(&str, f64)])| {
+fn with(model: &Model, effects: &[Stated]) -> Robot {
+    let apply = |(name, place, parameters): &Stated| {
         let parameters: Vec<(String, f64)> = parameters.iter().map(|(k, v)| (k.to_string(), *v)).collect();
         Applied::try_new(model, name, place, &parameters).expect("a valid effect")
     };
@@ -216,21 +219,21 @@ fn with_friction_they_differ_by_what_smoothing_makes_of_standstill() {
 fn every_kind_of_joint_effect_acts_as_in_the_own_plant() {
     let bare = frictionless("five_bar");
     let (left, right, elbow) = ("shoulder_left", "shoulder_right", "elbow_left");
-    let cases: [(&str, &str, &[(&str, f64)], f64); 9] = [
-        ("friction_coulomb", left, &[("coulomb", 0.8)], 1e-4),
-        ("friction_viscous", right, &[("viscous", 0.5)], 1e-5),
-        ("torque_offset", left, &[("offset", -1.5)], 1e-5),
-        ("friction_stribeck", left, &[("coulomb", 0.5), ("stiction", 1.0), ("stribeck_velocity", 0.05)], 1e-4),
-        ("friction_load", right, &[("mu", 0.1)], 1e-4),
-        ("friction_passive", elbow, &[("coulomb", 0.2), ("viscous", 0.1)], 1e-4),
-        ("rotor_inertia", left, &[("inertia", 0.3)], 1e-5),
-        ("spring", right, &[("stiffness", 30.0), ("rest", 0.1)], 1e-5),
-        ("torque_ripple", left, &[("amplitude", 1.0), ("order", 20.0)], 1e-5),
+    let cases: [(Stated, f64); 9] = [
+        (("friction_coulomb", left, &[("coulomb", 0.8)]), 1e-4),
+        (("friction_viscous", right, &[("viscous", 0.5)]), 1e-5),
+        (("torque_offset", left, &[("offset", -1.5)]), 1e-5),
+        (("friction_stribeck", left, &[("coulomb", 0.5), ("stiction", 1.0), ("stribeck_velocity", 0.05)]), 1e-4),
+        (("friction_load", right, &[("mu", 0.1)]), 1e-4),
+        (("friction_passive", elbow, &[("coulomb", 0.2), ("viscous", 0.1)]), 1e-4),
+        (("rotor_inertia", left, &[("inertia", 0.3)]), 1e-5),
+        (("spring", right, &[("stiffness", 30.0), ("rest", 0.1)]), 1e-5),
+        (("torque_ripple", left, &[("amplitude", 1.0), ("order", 20.0)]), 1e-5),
     ];
     let plain = Robot::new(bare.clone(), Vec::new());
     let at = Loop::new(&bare);
     let without = at.run(&mut foreign(&plain, &at, RapierOptions::default()), 4, 1);
-    for (name, place, values, limit) in cases {
+    for ((name, place, values), limit) in cases {
         let robot = with(&bare, &[(name, place, values)]);
         let run = at.run(&mut foreign(&robot, &at, RapierOptions::default()), 4, 1);
         let difference = apart(&run, &at.run(&mut own(&robot, &at), 4, REFERENCE_PARTS));
@@ -250,8 +253,7 @@ fn energy_is_kept_over_ten_seconds_without_friction() {
         let middle = Loop::new(&model).middle;
         let joints: Vec<String> = model.actuators.iter().map(|&j| model.joints[j].name.clone()).collect();
         let springs: Vec<[(&str, f64); 2]> = middle.iter().map(|m| [("stiffness", stiffness), ("rest", *m)]).collect();
-        let effects: Vec<(&str, &str, &[(&str, f64)])> =
-            joints.iter().zip(&springs).map(|(j, s)| ("spring", j.as_str(), s.as_slice())).collect();
+        let effects: Vec<Stated> = joints.iter().zip(&springs).map(|(j, s)| ("spring", j.as_str(), s.as_slice())).collect();
         let mut plant = at(&with(&model, &effects), &middle, 2.5e-4);
         let total = |plant: &RapierPlant| {
             let stored: f64 = plant.position().iter().zip(&middle).map(|(q, m)| (q - m) * (0.5 * stiffness * (q - m) - push)).sum();

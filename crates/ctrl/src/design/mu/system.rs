@@ -4,9 +4,9 @@ use alloc::vec::Vec;
 
 use nalgebra::{Complex, DMatrix};
 
-use super::ascent::eigenvalues;
 use super::response::Response;
 use super::{CMatrix, MuError, must_be_finite};
+use crate::design::margin::eigenvalues;
 
 /// `z = C·x + D·w` with `x' = A·x + B·w`, or with `x` one sample later when there is a sample time.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,7 +53,7 @@ impl StateSpace {
     /// Eigenvalues of A.
     #[must_use]
     pub fn poles(&self) -> Vec<Complex<f64>> {
-        eigenvalues(&complex(&self.a))
+        eigenvalues(&self.a)
     }
 
     /// The pole closest to instability and its distance: minus the real part, or one minus the modulus; negative when unstable.
