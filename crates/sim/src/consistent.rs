@@ -38,9 +38,11 @@ impl Trajectory for Consistent<'_> {
     fn at(&self, t: f64, out: &mut Sample) {
         self.inner.at(t, out);
         let data = &mut *self.data.borrow_mut();
-        closed_loop_motion(self.model, data, &out.q, &out.v, &out.a);
+        let is_closed = closed_loop_motion(self.model, data, &out.q, &out.v, &out.a).is_closed;
         for (k, &j) in self.model.actuators.iter().enumerate() {
-            (out.q[k], out.v[k], out.a[k]) = (data.q[j], data.v[j], data.a[j]);
+            // Where loops do not close there is no motion: whoever follows it finds no number.
+            let motion = [data.q[j], data.v[j], data.a[j]].map(|x| if is_closed { x } else { f64::NAN });
+            [out.q[k], out.v[k], out.a[k]] = motion;
         }
     }
 }

@@ -112,6 +112,11 @@ impl<P: Plant> Plant for Strapped<P> {
         self.plant.tree()
     }
 
+    /// Of the plant alone: [`Limb::energy`] is the limb's.
+    fn stored_energy(&mut self) -> Option<f64> {
+        self.plant.stored_energy()
+    }
+
     fn link_motion(&mut self, link: usize) -> Option<(Pose, Motion)> {
         self.plant.link_motion(link)
     }

@@ -81,6 +81,11 @@ impl<P: Plant> Plant for Worn<P> {
         self.plant.tree()
     }
 
+    /// Of the plant alone: [`Impedance::energy`] is the limb's.
+    fn stored_energy(&mut self) -> Option<f64> {
+        self.plant.stored_energy()
+    }
+
     fn link_motion(&mut self, link: usize) -> Option<(Pose, Motion)> {
         self.plant.link_motion(link)
     }
