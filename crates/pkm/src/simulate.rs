@@ -151,7 +151,12 @@ fn reserve(args: &Args, description: &Description) -> anyhow::Result<()> {
     }
     ensure!(args.force || !args.out.exists() || args.out.is_dir(), "{name}: exists already (--force replaces it)");
     let urdf = args.robot.with_file_name(&description.spec.urdf);
-    let inputs: Vec<&Path> = [args.robot.as_path(), &urdf].into_iter().chain(args.motion.file()).chain(args.controller.path()).chain(args.world.path()).collect();
+    let inputs: Vec<&Path> = [args.robot.as_path(), &urdf]
+        .into_iter()
+        .chain(args.motion.file())
+        .chain(args.controller.path())
+        .chain(args.world.path())
+        .collect();
     drop(Outputs::reserve(core::slice::from_ref(&args.out), &inputs)?);
     Ok(())
 }

@@ -7,7 +7,7 @@ use pkm_dyn::math;
 use pkm_dyn::model::{Model, Sensor, SensorKind};
 use pkm_dyn::spatial::Pose;
 use pkm_sim::limb::{Impedance, Patient, PatientConfig, Strapped, Will};
-use pkm_sim::{ConstrainedPlant, Consistent, Integrator, Plant, Reference, ReferenceOptions, Sample, Trajectory};
+use pkm_sim::{Consistent, ConstrainedPlant, Integrator, Plant, Reference, ReferenceOptions, Sample, Trajectory};
 
 fn spring(stiffness: f64) -> Impedance {
     Impedance { stiffness, ..Impedance::FREE }

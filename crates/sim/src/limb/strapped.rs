@@ -34,11 +34,8 @@ impl<P: Plant> Strapped<P> {
     /// # Errors
     /// Impedances that are not passive, a plant that cannot be pushed at a link, loops that do not close.
     pub fn try_new(mut plant: P, model: &Model, link: usize, axes: [Impedance; 6], q_act: &[f64]) -> Result<Self, SimError> {
-        let nowhere = SimError::NotRepresentable {
-            engine: "this plant",
-            what: "a limb at a link".to_string(),
-            problem: "take the constrained one",
-        };
+        let nowhere =
+            SimError::NotRepresentable { engine: "this plant", what: "a limb at a link".to_string(), problem: "take the constrained one" };
         let (rest, _) = plant.link_motion(link).ok_or(nowhere)?;
         plant.push_link(link, &Force::zero())?;
         let limb = Limb { axes, ..Limb::free(rest) };

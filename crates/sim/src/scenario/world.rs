@@ -89,8 +89,7 @@ impl<'r> World<'r> {
         }
         let plant = scenario.plant.build_with_laws(truth, scenario.seed, &start, &sample.v, setup.laws)?;
         let zero = vec![0.0; n];
-        let exchange =
-            Exchange { q_meas: zero.clone(), tau_meas: zero.clone(), acted: 0, sent: zero.clone(), sent_last: zero.clone() };
+        let exchange = Exchange { q_meas: zero.clone(), tau_meas: zero.clone(), acted: 0, sent: zero.clone(), sent_last: zero.clone() };
         Ok(Self {
             plant,
             controller,

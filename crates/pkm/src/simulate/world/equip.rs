@@ -134,7 +134,8 @@ fn output(output: &layout::Output, path: &str) -> anyhow::Result<OutputStage> {
     let layout::Output { ceiling, step, bits, pulse_counts, dead_zone } = *output;
     let n_stated = [step.is_some(), bits.is_some(), pulse_counts.is_some()].iter().filter(|x| **x).count();
     ensure!(n_stated <= 1, "{path}: step, bits and pulse_counts are three ways to say one thing (give one of them)");
-    let needed = || ceiling.filter(|c| c.is_finite()).with_context(|| format!("{path}.ceiling is missing (bits and pulse_counts divide it)"));
+    let needed =
+        || ceiling.filter(|c| c.is_finite()).with_context(|| format!("{path}.ceiling is missing (bits and pulse_counts divide it)"));
     not_negative(path, "dead_zone", dead_zone)?;
     if let Some(ceiling) = ceiling {
         within(path, "ceiling", ceiling, ceiling > 0.0, "must be > 0, or inf for none")?;
@@ -214,7 +215,9 @@ fn limb(file: &layout::Limb, model: &Model, seed: u64) -> anyhow::Result<LimbEqu
         let own = [not_negative(&path, "strength", axis.strength)?, not_negative(&path, "tremor", axis.tremor)?];
         match strength.get_mut(i).zip(tremor.get_mut(i)) {
             Some((strength, tremor)) => [*strength, *tremor] = own,
-            None => ensure!(own.iter().all(|x| *x <= 0.0), "{path}: a person acts on the first six drives only (strength and tremor must be 0)"),
+            None => {
+                ensure!(own.iter().all(|x| *x <= 0.0), "{path}: a person acts on the first six drives only (strength and tremor must be 0)")
+            }
         }
     }
     let place = match &file.link {
