@@ -188,7 +188,7 @@ impl<P: Plant> SimBackend<P> {
             drives,
         };
         backend.describe();
-        backend.take_sample();
+        backend.take_sample(0.0);
         backend.publish(false);
         Ok(backend)
     }
@@ -228,7 +228,7 @@ impl<P: Plant> SimBackend<P> {
         cells.iter_mut().zip(&seen).for_each(|(cell, seen)| cell.settle(*seen));
         self.gauges.push(Gauge { probe, seen, cells });
         self.describe();
-        self.take_sample();
+        self.take_sample(seconds(self.clock.now_ns()));
         self.publish(false);
         Ok(())
     }
@@ -249,7 +249,7 @@ impl<P: Plant> SimBackend<P> {
             }
             drive.effort.settle(acting);
         }
-        self.take_sample();
+        self.take_sample(seconds(self.clock.now_ns()));
         self.publish(false);
     }
 
@@ -299,6 +299,7 @@ impl<P: Plant> SimBackend<P> {
     fn pass(&mut self, sampled: Sampled) -> Result<(), SimError> {
         let (period, parts) = (seconds(self.period_ns), f64::from(self.substeps));
         let cut = period - sampled.early;
+        let end = seconds(self.clock.now_ns()) + period;
         let mut is_taken = false;
         for part in 0..self.substeps {
             let [from, to] = [part, part + 1].map(|k| period * f64::from(k) / parts);
@@ -307,7 +308,7 @@ impl<P: Plant> SimBackend<P> {
                 if cut > from {
                     self.step(from, cut - from)?;
                 }
-                self.take_sample();
+                self.take_sample(end);
                 is_taken = true;
                 self.step(cut.max(from), to - cut.max(from))?;
             } else {
@@ -315,7 +316,7 @@ impl<P: Plant> SimBackend<P> {
             }
         }
         if !is_taken {
-            self.take_sample();
+            self.take_sample(end);
         }
         Ok(())
     }
@@ -356,10 +357,9 @@ impl<P: Plant> SimBackend<P> {
         self.sample = StateFrame { valid_q: all, valid_v, valid_tau: all, valid_sensor, ..sample };
     }
 
-    /// Reads every sensor of the plant as it stands.
-    fn take_sample(&mut self) {
+    /// Reads every sensor of the plant as it stands, at time `end` `[s]`.
+    fn take_sample(&mut self, end: f64) {
         let period = seconds(self.period_ns);
-        let end = if self.sample.sequence == 0 { 0.0 } else { seconds(self.clock.now_ns()) + period };
         for (k, drive) in self.drives.iter_mut().enumerate() {
             let reading = drive.encoder.read(self.plant.position()[k], end, &mut self.random);
             self.sample.q[k] = reading;

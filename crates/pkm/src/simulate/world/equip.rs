@@ -12,9 +12,6 @@ use super::layout::{self, VelocityKind};
 /// Most steps of the plant per base period.
 const SUBSTEPS_MAX: u32 = 100;
 
-/// Longest delay or lag `[s]`.
-const LAG_MAX_S: f64 = 1.0;
-
 /// Coordinates of a limb at a link.
 const AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
@@ -38,18 +35,20 @@ pub(super) fn equipment(file: &layout::World, model: &Model, seed: u64) -> anyho
     })
 }
 
-/// A number within its range; `limit` says which that is.
-fn within(path: &str, key: &str, value: f64, is_good: bool, limit: &str) -> anyhow::Result<f64> {
-    ensure!(is_good, "{path}.{key} = {value} ({limit})");
+/// What is allowed, in code and in words.
+type Allowed = (fn(f64) -> bool, &'static str);
+
+const FINITE: Allowed = (f64::is_finite, "must be finite");
+const NOT_NEGATIVE: Allowed = (|x| x.is_finite() && x >= 0.0, "must be finite and >= 0");
+const POSITIVE: Allowed = (|x| x.is_finite() && x > 0.0, "must be finite and > 0");
+const UP_TO_INFINITY: Allowed = (|x| x > 0.0, "must be > 0, or inf for none");
+const SECONDS: Allowed = (|x| (0.0..=1.0).contains(&x), "must be 0 to 1 s");
+const PROBABILITY: Allowed = (|x| (0.0..1.0).contains(&x), "must be at least 0 and below 1");
+
+/// A number that is allowed.
+fn number(path: &str, key: &str, value: f64, (is_good, limit): Allowed) -> anyhow::Result<f64> {
+    ensure!(is_good(value), "{path}.{key} = {value} ({limit})");
     Ok(value)
-}
-
-fn not_negative(path: &str, key: &str, value: f64) -> anyhow::Result<f64> {
-    within(path, key, value, value.is_finite() && value >= 0.0, "must be finite and >= 0")
-}
-
-fn finite(path: &str, key: &str, value: f64) -> anyhow::Result<f64> {
-    within(path, key, value, value.is_finite(), "must be finite")
 }
 
 /// What a joint states, in place of what all drives have, and where it stands.
@@ -65,13 +64,13 @@ fn drive(file: &layout::World, joint: &str) -> anyhow::Result<DriveEquipment> {
     if let Some((encoder, path)) = stated(file, joint, |d| d.encoder) {
         let path = format!("{path}.encoder");
         out.resolution = resolution(&encoder, &path)?;
-        out.noise = not_negative(&path, "noise", encoder.noise)?;
-        (out.offset, out.drift) = (finite(&path, "offset", encoder.offset)?, finite(&path, "drift", encoder.drift)?);
+        out.noise = number(&path, "noise", encoder.noise, NOT_NEGATIVE)?;
+        (out.offset, out.drift) = (number(&path, "offset", encoder.offset, FINITE)?, number(&path, "drift", encoder.drift, FINITE)?);
     }
     if let Some((second, path)) = stated(file, joint, |d| d.second_encoder) {
         let path = format!("{path}.second_encoder");
-        let drift = [-finite(&path, "offset", second.offset)?, finite(&path, "drift", second.drift)?, 0.0];
-        let noise = not_negative(&path, "noise", second.noise)?;
+        let drift = [-number(&path, "offset", second.offset, FINITE)?, number(&path, "drift", second.drift, FINITE)?, 0.0];
+        let noise = number(&path, "noise", second.noise, NOT_NEGATIVE)?;
         out.second = Some(ForceCellConfig { step: resolution(&second, &path)?, noise, drift, ..ForceCellConfig::default() });
     }
     if let Some((velocity, path)) = stated(file, joint, |d| d.velocity) {
@@ -84,7 +83,7 @@ fn drive(file: &layout::World, joint: &str) -> anyhow::Result<DriveEquipment> {
         out.output = self::output(&output, &format!("{path}.output"))?;
     }
     let seconds = |stated: Option<(f64, String)>, key: &str| match stated {
-        Some((s, path)) => within(&path, key, s, (0.0..=LAG_MAX_S).contains(&s), "must be 0 to 1 s"),
+        Some((s, path)) => number(&path, key, s, SECONDS),
         None => Ok(0.0),
     };
     out.delay = seconds(stated(file, joint, |d| d.delay_s), "delay_s")?;
@@ -97,7 +96,7 @@ fn drive(file: &layout::World, joint: &str) -> anyhow::Result<DriveEquipment> {
 
 fn resolution(encoder: &layout::Encoder, path: &str) -> anyhow::Result<f64> {
     let Some(counts) = encoder.counts_per_unit else { return Ok(0.0) };
-    within(path, "counts_per_unit", counts, counts.is_finite() && counts > 0.0, "must be finite and > 0")?;
+    number(path, "counts_per_unit", counts, POSITIVE)?;
     Ok(1.0 / counts)
 }
 
@@ -107,7 +106,7 @@ fn velocity(velocity: layout::Velocity, path: &str, resolution: f64) -> anyhow::
         Ok(sensing)
     };
     let layout::Velocity { kind, timer_s } = velocity;
-    let timer = not_negative(&format!("{path}.velocity"), "timer_s", timer_s.unwrap_or(0.0))?;
+    let timer = number(&format!("{path}.velocity"), "timer_s", timer_s.unwrap_or(0.0), NOT_NEGATIVE)?;
     let is_used = kind == VelocityKind::PulseTiming || timer_s.is_none();
     ensure!(is_used, "{path}.velocity.timer_s = {timer} (only of kind \"pulse_timing\")");
     match kind {
@@ -121,12 +120,12 @@ fn velocity(velocity: layout::Velocity, path: &str, resolution: f64) -> anyhow::
 fn cell(cell: &layout::Cell, path: &str) -> anyhow::Result<ForceCellConfig> {
     let layout::Cell { gain, lag_s, bias, rate, walk, noise, ceiling, step } = *cell;
     for (key, value) in [("lag_s", lag_s), ("walk", walk), ("noise", noise), ("step", step)] {
-        not_negative(path, key, value)?;
+        number(path, key, value, NOT_NEGATIVE)?;
     }
     for (key, value) in [("gain", gain), ("bias", bias), ("rate", rate)] {
-        finite(path, key, value)?;
+        number(path, key, value, FINITE)?;
     }
-    within(path, "ceiling", ceiling, ceiling > 0.0, "must be > 0, or inf for none")?;
+    number(path, "ceiling", ceiling, UP_TO_INFINITY)?;
     Ok(ForceCellConfig { gain, lag: lag_s, drift: [bias, rate, walk], noise, ceiling, step })
 }
 
@@ -136,9 +135,9 @@ fn output(output: &layout::Output, path: &str) -> anyhow::Result<OutputStage> {
     ensure!(n_stated <= 1, "{path}: step, bits and pulse_counts are three ways to say one thing (give one of them)");
     let needed =
         || ceiling.filter(|c| c.is_finite()).with_context(|| format!("{path}.ceiling is missing (bits and pulse_counts divide it)"));
-    not_negative(path, "dead_zone", dead_zone)?;
+    number(path, "dead_zone", dead_zone, NOT_NEGATIVE)?;
     if let Some(ceiling) = ceiling {
-        within(path, "ceiling", ceiling, ceiling > 0.0, "must be > 0, or inf for none")?;
+        number(path, "ceiling", ceiling, UP_TO_INFINITY)?;
     }
     match (bits, pulse_counts) {
         (Some(bits), _) => {
@@ -150,7 +149,7 @@ fn output(output: &layout::Output, path: &str) -> anyhow::Result<OutputStage> {
             Ok(OutputStage::of_pulse_width(needed()?, counts, dead_zone)?)
         }
         _ => {
-            let step = not_negative(path, "step", step.unwrap_or(0.0))?;
+            let step = number(path, "step", step.unwrap_or(0.0), NOT_NEGATIVE)?;
             Ok(OutputStage::try_new(ceiling.unwrap_or(f64::INFINITY), step, dead_zone)?)
         }
     }
@@ -180,9 +179,9 @@ fn three_mass(file: &layout::ThreeMass) -> anyhow::Result<ThreeMassParameters> {
 
 fn sampling(file: layout::Sampling) -> anyhow::Result<SamplingConfig> {
     let layout::Sampling { jitter_s, loss_begins, loss_goes_on } = file;
-    not_negative("sampling", "jitter_s", jitter_s)?;
+    number("sampling", "jitter_s", jitter_s, NOT_NEGATIVE)?;
     for (key, value) in [("loss_begins", loss_begins), ("loss_goes_on", loss_goes_on)] {
-        within("sampling", key, value, (0.0..1.0).contains(&value), "must be at least 0 and below 1")?;
+        number("sampling", key, value, PROBABILITY)?;
     }
     Ok(SamplingConfig { jitter: jitter_s, loss_begins, loss_goes_on })
 }
@@ -212,7 +211,7 @@ fn limb(file: &layout::Limb, model: &Model, seed: u64) -> anyhow::Result<LimbEqu
         let path = format!("limb.axis.{name}");
         let Some(i) = names.iter().position(|n| n == name) else { bail!("{path}: no such axis (there are: {})", names.join(", ")) };
         impedances[i] = impedance(axis).with_context(|| path.clone())?;
-        let own = [not_negative(&path, "strength", axis.strength)?, not_negative(&path, "tremor", axis.tremor)?];
+        let own = [number(&path, "strength", axis.strength, NOT_NEGATIVE)?, number(&path, "tremor", axis.tremor, NOT_NEGATIVE)?];
         match strength.get_mut(i).zip(tremor.get_mut(i)) {
             Some((strength, tremor)) => [*strength, *tremor] = own,
             None => {
