@@ -83,7 +83,7 @@ fn drives_in_surplus_go_where_the_loops_take_them() {
     let motion = Consistent::try_new(&model, Box::new(drawn)).unwrap();
     let (mut before, mut here, mut after) = (Sample::default(), Sample::default(), Sample::default());
     let mut data = pkm_dyn::Data::new(&model);
-    pkm_dyn::loops::assemble(&model, &mut data);
+    assert!(pkm_dyn::loops::assemble(&model, &mut data).is_closed);
     for k in 0..50 {
         let (t, h) = (0.1 * f64::from(k), 1e-5);
         motion.at(t - h, &mut before);
@@ -95,7 +95,7 @@ fn drives_in_surplus_go_where_the_loops_take_them() {
             assert!((slope - here.v[j]).abs() < 1e-6 * (1.0 + slope.abs()), "{slope} {}", here.v[j]);
         }
         // Loops close with all four drives there.
-        pkm_dyn::loops::solve_positions(&model, &mut data, &here.q);
+        assert!(pkm_dyn::loops::solve_positions(&model, &mut data, &here.q).is_closed);
         for (j, q) in model.actuators.iter().zip(&here.q) {
             assert!((data.q[*j] - q).abs() < 1e-9);
         }

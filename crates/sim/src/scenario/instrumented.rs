@@ -152,7 +152,7 @@ fn hardware(
     for (k, second) in equipment.drives.iter().enumerate() {
         if let Some(second) = second.second {
             let cell = ForceCell::new(second, equipment.seed, SECOND_ENCODERS + k);
-            hal.add_sensor(move |plant: &Box<dyn Plant>| plant.load_position()[k], cell)?;
+            hal.add_sensor(move |plant| plant.load_position()[k], cell)?;
         }
     }
     for (sensor, cells) in &equipment.wrenches {
