@@ -5,7 +5,7 @@ mod text;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{bail, ensure};
+use anyhow::{Context, bail, ensure};
 use pkm_dyn::effects::Robot;
 use pkm_dyn::elimination::Elimination;
 use pkm_dyn::loops::{Closure, assemble, close_at, internal_efforts, mid_pose, mobility, walk_to};
@@ -135,6 +135,19 @@ pub(crate) fn must_assemble(model: &Model, file: &str) -> anyhow::Result<()> {
         "{file}: {mobility} degrees of freedom and {drives} drives (they must be equal to simulate it or diagnose its recordings)"
     );
     Ok(())
+}
+
+/// As [`must_assemble`], but takes drives in surplus, and says how many there are.
+///
+/// # Errors
+/// As [`must_assemble`]; fewer drives than freedoms.
+pub(crate) fn must_be_driven(model: &Model, file: &str) -> anyhow::Result<usize> {
+    let (_, mobility) = assembled(model, &mut Data::new(model), file)?;
+    let drives = model.n_act();
+    ensure!(mobility > 0, "{file}: no degree of freedom (nothing moves)");
+    drives.checked_sub(mobility).with_context(|| {
+        format!("{file}: {mobility} degrees of freedom and {drives} drives (there must be as many drives or more to simulate it)")
+    })
 }
 
 /// Constraint rows that say what other rows say already, at the pose in `data`.

@@ -4,6 +4,7 @@ pub(crate) mod controller;
 pub(crate) mod hidden;
 pub(crate) mod plant;
 mod reference;
+pub(crate) mod world;
 
 use core::time::Duration;
 use std::path::{Path, PathBuf};
@@ -16,7 +17,7 @@ use pkm_dyn::urdf::Description;
 use pkm_hal::{Clock, MonotonicClock};
 use pkm_ident::Recording;
 use pkm_record::{Attachments, WriteError};
-use pkm_sim::{Scenario, Setup, Trajectory, run_with};
+use pkm_sim::{Consistent, Equipment, Instrumented, Scenario, Setup, Trajectory, check_limits, run_instrumented, run_with};
 use serde_json::{Value, json};
 
 use crate::convert::with_robot;
@@ -42,6 +43,7 @@ Examples:
   pkm simulate prs3 --out A.csv --hide 'friction_stribeck@q1:coulomb=12,stiction=21.3,stribeck_velocity=0.01' --seed 7
   pkm simulate prs3 --out A.csv --hide 'friction_stribeck@q1:form=lugre,coulomb=12,stiction=21.3,stribeck_velocity=0.01,stiffness=1e5'
   pkm simulate prs3 --out A.mcap --controller controller.toml
+  pkm simulate prs3 --out A.mcap --world world.toml
   pkm simulate serial_arm --out A.mcap --reference chirp --sweep 0.1:2 --noise none
   pkm simulate motobotte --out A.csv --reference gait --duration 8
   pkm simulate robot.toml --out B.mcap --reference A.csv --paced
@@ -58,6 +60,8 @@ pub(crate) struct Args {
     hide: Vec<String>,
     #[command(flatten)]
     controller: controller::ControllerArgs,
+    #[command(flatten)]
+    world: world::WorldArgs,
     #[command(flatten)]
     plant: plant::PlantArgs,
     #[command(flatten)]
@@ -93,18 +97,28 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let file = args.robot.display().to_string();
     let description = robot_file::read(&args.robot)?;
-    check::must_assemble(&description.robot.model, &file)?;
-    let concealed = hidden::Concealed::parse("--hide", &args.hide, &description.robot.model)?;
+    let model = &description.robot.model;
+    // Surplus drives share efforts; encoders of theirs have a use only where sensors are simulated.
+    let surplus = match args.world.path() {
+        None => check::must_assemble(model, &file).map(|()| 0)?,
+        Some(_) => check::must_be_driven(model, &file)?,
+    };
+    let concealed = hidden::Concealed::parse("--hide", &args.hide, model)?;
+    let equipment = args.world.read(model, args.seed)?;
     let controller = args.controller.read(&description.robot)?;
     reserve(args, &description)?;
-    let (trajectory, duration_s) = args.motion.build(&description.robot.model, args.duration, args.seed)?;
+    let (trajectory, duration_s) = motion(args, model, surplus)?;
     let scenario = scenario(args, duration_s)?;
-    let told = (concealed.describe(&description.robot.model), concealed.as_json(&description.robot.model));
+    let told = (concealed.describe(model), concealed.as_json(model));
     let truth = Robot::new(description.bare.clone(), description.robot.effects.iter().cloned().chain(concealed.effects).collect());
     let (controller_file, controller) = controller.unzip();
     let setup = Setup { robots: [&truth, &description.robot], laws: concealed.laws, controller };
-    let (mut recording, seconds) = move_along(args, setup, &scenario, trajectory.as_ref()).with_context(|| file.clone())?;
+    let moved = move_along(args, setup, (&scenario, equipment.as_ref()), trajectory.as_ref()).with_context(|| file.clone())?;
+    let Moved { mut recording, lost, seconds } = moved;
     recording.meta.other.insert("simulated_reference".to_string(), args.motion.name());
+    if let Some(name) = args.world.path().and_then(Path::file_name) {
+        recording.meta.other.insert("simulated_world".to_string(), name.to_string_lossy().into_owned());
+    }
     let is_mcap = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
     let mut attachments = if is_mcap { with_robot(&description) } else { Attachments::default() };
     if let Some(file) = controller_file {
@@ -112,9 +126,21 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     pkm_record::write(&args.out, &recording, &attachments)?;
     if !args.quiet {
-        tell(args, &description.robot.model, told, &recording, scenario.duration_s / seconds)?;
+        tell(args, model, told, &recording, (lost, scenario.duration_s / seconds))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The motion and its length `[s]`; drives in surplus follow from the others.
+fn motion<'m>(args: &Args, model: &'m Model, surplus: usize) -> anyhow::Result<(Box<dyn Trajectory + 'm>, f64)> {
+    let (trajectory, duration_s) = args.motion.build(model, args.duration, args.seed)?;
+    if surplus == 0 {
+        return Ok((trajectory, duration_s));
+    }
+    let place = || format!("{}: --reference {}", args.robot.display(), args.motion.name());
+    let consistent = Consistent::try_new(model, trajectory).with_context(place)?;
+    check_limits(model, &consistent, duration_s).with_context(place)?;
+    Ok((Box::new(consistent), duration_s))
 }
 
 /// Tells at once, before a long run, that the file cannot be written.
@@ -126,14 +152,19 @@ fn reserve(args: &Args, description: &Description) -> anyhow::Result<()> {
     }
     ensure!(args.force || !args.out.exists() || args.out.is_dir(), "{name}: exists already (--force replaces it)");
     let urdf = args.robot.with_file_name(&description.spec.urdf);
-    let inputs: Vec<&Path> = [args.robot.as_path(), &urdf].into_iter().chain(args.motion.file()).chain(args.controller.path()).collect();
+    let inputs: Vec<&Path> = [args.robot.as_path(), &urdf]
+        .into_iter()
+        .chain(args.motion.file())
+        .chain(args.controller.path())
+        .chain(args.world.path())
+        .collect();
     drop(Outputs::reserve(core::slice::from_ref(&args.out), &inputs)?);
     Ok(())
 }
 
 fn scenario(args: &Args, duration_s: f64) -> anyhow::Result<Scenario> {
-    let mut scenario =
-        Scenario { seed: args.seed, duration_s, rate_hz: args.rate, plant: args.plant.kind(args.seed)?, ..Scenario::default() };
+    let plant = args.world.plant(args.plant.kind(args.seed)?, args.seed);
+    let mut scenario = Scenario { seed: args.seed, duration_s, rate_hz: args.rate, plant, ..Scenario::default() };
     let Some(noise) = args.noise.as_deref() else { return Ok(scenario) };
     (scenario.encoder_resolution, scenario.encoder_noise, scenario.effort_noise) = (0.0, 0.0, 0.0);
     if noise == "none" {
@@ -152,12 +183,25 @@ fn scenario(args: &Args, duration_s: f64) -> anyhow::Result<Scenario> {
     Ok(scenario)
 }
 
-/// The recording and how long it took `[s]`.
-fn move_along(args: &Args, setup: Setup<'_>, scenario: &Scenario, trajectory: &dyn Trajectory) -> anyhow::Result<(Recording, f64)> {
+/// What a run leaves.
+struct Moved {
+    recording: Recording,
+    /// Samples that never arrived, where some may be lost.
+    lost: Option<usize>,
+    /// How long it took `[s]`.
+    seconds: f64,
+}
+
+fn move_along(
+    args: &Args,
+    setup: Setup<'_>,
+    (scenario, equipment): (&Scenario, Option<&Equipment>),
+    trajectory: &dyn Trajectory,
+) -> anyhow::Result<Moved> {
     let mut progress = Progress::new("simulating", args.quiet || args.json);
     let clock = MonotonicClock::start();
     let mut told = 0.0;
-    let recording = run_with(setup, scenario, trajectory, &mut |t| {
+    let mut each = |t: f64| {
         if args.paced {
             wait_until(&clock, t);
         }
@@ -165,8 +209,15 @@ fn move_along(args: &Args, setup: Setup<'_>, scenario: &Scenario, trajectory: &d
             told = t;
             progress.update(t / scenario.duration_s);
         }
-    })?;
-    Ok((recording, clock.now_ns() as f64 * 1e-9))
+    };
+    let (recording, lost) = match equipment {
+        None => (run_with(setup, scenario, trajectory, &mut each)?, None),
+        Some(equipment) => {
+            let Instrumented { recording, lost } = run_instrumented(setup, scenario, equipment, trajectory, &mut each)?;
+            (recording, Some(lost))
+        }
+    };
+    Ok(Moved { recording, lost, seconds: clock.now_ns() as f64 * 1e-9 })
 }
 
 /// Sleeps until `clock` reads `t` `[s]`.
@@ -177,11 +228,17 @@ fn wait_until(clock: &MonotonicClock, t: f64) {
     }
 }
 
-/// Tells what was done; `concealed` is told for people and for programs.
-fn tell(args: &Args, model: &Model, concealed: (String, Vec<Value>), recording: &Recording, factor: f64) -> anyhow::Result<()> {
+/// Tells what was done; `concealed` is told for people and for programs; samples lost, and how much faster than real time it was.
+fn tell(
+    args: &Args,
+    model: &Model,
+    concealed: (String, Vec<Value>),
+    recording: &Recording,
+    (lost, factor): (Option<usize>, f64),
+) -> anyhow::Result<()> {
     let (samples, file) = (recording.len(), args.out.display().to_string());
     if args.json {
-        let told = json!({
+        let mut told = json!({
             "schema": "pkm.simulation/1",
             "robot": model.name,
             "recording": file,
@@ -193,6 +250,9 @@ fn tell(args: &Args, model: &Model, concealed: (String, Vec<Value>), recording: 
             "concealed": concealed.1,
             "real_time_factor": factor,
         });
+        if let Some(lost) = lost {
+            told["samples_lost"] = json!(lost);
+        }
         return out::say(&serde_json::to_string_pretty(&told)?);
     }
     let concealed = concealed.0;
@@ -203,5 +263,6 @@ fn tell(args: &Args, model: &Model, concealed: (String, Vec<Value>), recording: 
         model.name,
         out::number(factor)
     );
+    let text = text + &lost.map_or(String::new(), |lost| format!("\nSamples that never arrived: {lost}"));
     out::say(&out::clean(&text))
 }

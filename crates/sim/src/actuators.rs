@@ -82,6 +82,27 @@ impl ActuatorChain {
         }
     }
 
+    /// The same chain with a further transport delay and a current loop of this time constant behind it, both `[s]`; 0 is none.
+    ///
+    /// # Errors
+    /// A time that is negative or none, or a delay of more than one second in total.
+    pub fn followed_by(mut self, delay: f64, lag: f64) -> Result<Self, SimError> {
+        for (what, value) in [("delay of a drive", delay), ("lag of a current loop", lag)] {
+            if !(0.0..=MAX_DELAY).contains(&value) {
+                return Err(SimError::Scenario { what, value, limit: "must be 0 to 1 s" });
+            }
+        }
+        self.delay += delay;
+        if self.delay > MAX_DELAY {
+            return Err(SimError::Scenario { what: "delay", value: self.delay, limit: "must be finite and within 1 s" });
+        }
+        if lag > 0.0 {
+            self.lags.push((lag, 0.0));
+        }
+        self.commands = vec![0.0; periods(self.delay / self.period)];
+        Ok(self)
+    }
+
     /// How late the recorder sees the effort `[s]`.
     #[must_use]
     pub fn recording_delay(&self) -> f64 {

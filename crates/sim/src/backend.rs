@@ -102,14 +102,21 @@ impl SimDrive {
     }
 }
 
-/// What a further sensor sees of the plant.
-type Probe<P> = Box<dyn FnMut(&P) -> f64 + Send>;
+/// What further sensors see of the plant, written into one number per cell.
+type Probe<P> = Box<dyn FnMut(&mut P, &mut [f64]) + Send>;
+
+/// Cells that see the plant through one probe, and what it saw last.
+struct Gauge<P> {
+    probe: Probe<P>,
+    seen: Vec<f64>,
+    cells: Vec<ForceCell>,
+}
 
 /// A plant with its drives and sensors as hardware.
 pub struct SimBackend<P> {
     plant: P,
     drives: Vec<SimDrive>,
-    probes: Vec<(Probe<P>, ForceCell)>,
+    gauges: Vec<Gauge<P>>,
     sampling: Sampling,
     random: Random,
     clock: SimClock,
@@ -175,13 +182,13 @@ impl<P: Plant> SimBackend<P> {
             tau: vec![0.0; n],
             sample: StateFrame::new(n, 0),
             shown: StateFrame::new(n, 0),
-            probes: Vec::new(),
+            gauges: Vec::new(),
             fault: None,
             plant,
             drives,
         };
         backend.describe();
-        backend.take_sample();
+        backend.take_sample(0.0);
         backend.publish(false);
         Ok(backend)
     }
@@ -190,16 +197,60 @@ impl<P: Plant> SimBackend<P> {
     ///
     /// # Errors
     /// More sensors than a frame has room for.
-    pub fn add_sensor(&mut self, probe: impl FnMut(&P) -> f64 + Send + 'static, cell: ForceCell) -> Result<(), SimError> {
-        if self.probes.len() == MAX_SENSORS {
-            let value = self.probes.len() as f64 + 1.0;
-            return Err(SimError::Scenario { what: "number of sensors", value, limit: "at most 16" });
+    pub fn add_sensor(&mut self, mut probe: impl FnMut(&P) -> f64 + Send + 'static, cell: ForceCell) -> Result<(), SimError> {
+        self.add_gauge(Box::new(move |plant, seen| seen[0] = probe(plant)), vec![cell])
+    }
+
+    /// Adds the six cells of the model's wrench sensor number `sensor`: fx, fy, fz, mx, my, mz in its frame.
+    ///
+    /// # Errors
+    /// More sensors than a frame has room for; a plant that does not know the wrench there.
+    pub fn add_wrench(&mut self, sensor: usize, cells: [ForceCell; 6]) -> Result<(), SimError> {
+        if self.plant.sensor_wrench(sensor).is_none() {
+            let what = "a wrench sensor".to_string();
+            return Err(SimError::NotRepresentable { engine: "this plant", what, problem: "take the constrained one" });
         }
-        self.probes.push((Box::new(probe), cell));
+        let probe = move |plant: &mut P, seen: &mut [f64]| {
+            let wrench = plant.sensor_wrench(sensor).unwrap_or_default();
+            seen[..3].copy_from_slice(wrench.linear.as_slice());
+            seen[3..].copy_from_slice(wrench.angular.as_slice());
+        };
+        self.add_gauge(Box::new(probe), cells.to_vec())
+    }
+
+    fn add_gauge(&mut self, mut probe: Probe<P>, mut cells: Vec<ForceCell>) -> Result<(), SimError> {
+        let n = self.n_cells() + cells.len();
+        if n > MAX_SENSORS {
+            return Err(SimError::Scenario { what: "number of sensors", value: n as f64, limit: "at most 16" });
+        }
+        let mut seen = vec![0.0; cells.len()];
+        probe(&mut self.plant, &mut seen);
+        cells.iter_mut().zip(&seen).for_each(|(cell, seen)| cell.settle(*seen));
+        self.gauges.push(Gauge { probe, seen, cells });
         self.describe();
-        self.take_sample();
+        self.take_sample(seconds(self.clock.now_ns()));
         self.publish(false);
         Ok(())
+    }
+
+    fn n_cells(&self) -> usize {
+        self.gauges.iter().map(|g| g.cells.len()).sum()
+    }
+
+    /// Brings the drives and the cells of their efforts to rest under commands that were held for ever, one per drive `[N | N·m]`.
+    pub fn settle(&mut self, command: &[f64]) {
+        for (k, (drive, command)) in self.drives.iter_mut().zip(command).enumerate() {
+            self.command[k] = *command;
+            let output = drive.output.output(*command);
+            drive.chain.settle(output);
+            let acting = drive.chain.mean_over(0.0, seconds(self.period_ns));
+            if let Some(transmission) = &mut drive.transmission {
+                transmission.settle(acting, self.plant.position()[k]);
+            }
+            drive.effort.settle(acting);
+        }
+        self.take_sample(seconds(self.clock.now_ns()));
+        self.publish(false);
     }
 
     /// Its clock; clones show the same time.
@@ -212,6 +263,11 @@ impl<P: Plant> SimBackend<P> {
     #[must_use]
     pub fn plant(&self) -> &P {
         &self.plant
+    }
+
+    /// The plant, for what is said to persons in it.
+    pub fn plant_mut(&mut self) -> &mut P {
+        &mut self.plant
     }
 
     /// Why the plant cannot go on, if it cannot: the device is gone then.
@@ -243,6 +299,7 @@ impl<P: Plant> SimBackend<P> {
     fn pass(&mut self, sampled: Sampled) -> Result<(), SimError> {
         let (period, parts) = (seconds(self.period_ns), f64::from(self.substeps));
         let cut = period - sampled.early;
+        let end = seconds(self.clock.now_ns()) + period;
         let mut is_taken = false;
         for part in 0..self.substeps {
             let [from, to] = [part, part + 1].map(|k| period * f64::from(k) / parts);
@@ -251,7 +308,7 @@ impl<P: Plant> SimBackend<P> {
                 if cut > from {
                     self.step(from, cut - from)?;
                 }
-                self.take_sample();
+                self.take_sample(end);
                 is_taken = true;
                 self.step(cut.max(from), to - cut.max(from))?;
             } else {
@@ -259,7 +316,7 @@ impl<P: Plant> SimBackend<P> {
             }
         }
         if !is_taken {
-            self.take_sample();
+            self.take_sample(end);
         }
         Ok(())
     }
@@ -283,14 +340,15 @@ impl<P: Plant> SimBackend<P> {
             let offset = drive.encoder.offset;
             drive.velocity.follow([from - offset, to - offset], t, h);
         }
-        for (probe, cell) in &mut self.probes {
-            cell.follow(probe(&self.plant), h);
+        for Gauge { probe, seen, cells } in &mut self.gauges {
+            probe(&mut self.plant, seen);
+            cells.iter_mut().zip(seen.iter()).for_each(|(cell, seen)| cell.follow(*seen, h));
         }
         Ok(())
     }
 
     fn describe(&mut self) {
-        let (n, n_sensors) = (self.drives.len(), self.probes.len());
+        let (n, n_sensors) = (self.drives.len(), self.n_cells());
         let all = first_bits(n);
         let measured = |k: usize| u32::from(self.drives[k].velocity.is_there()) << k;
         let valid_v = (0..n).map(measured).sum();
@@ -299,17 +357,16 @@ impl<P: Plant> SimBackend<P> {
         self.sample = StateFrame { valid_q: all, valid_v, valid_tau: all, valid_sensor, ..sample };
     }
 
-    /// Reads every sensor of the plant as it stands.
-    fn take_sample(&mut self) {
+    /// Reads every sensor of the plant as it stands, at time `end` `[s]`.
+    fn take_sample(&mut self, end: f64) {
         let period = seconds(self.period_ns);
-        let end = if self.sample.sequence == 0 { 0.0 } else { seconds(self.clock.now_ns()) + period };
         for (k, drive) in self.drives.iter_mut().enumerate() {
             let reading = drive.encoder.read(self.plant.position()[k], end, &mut self.random);
             self.sample.q[k] = reading;
             self.sample.v[k] = drive.velocity.sample(end, period, self.plant.velocity()[k], reading);
             self.sample.tau[k] = drive.effort.read();
         }
-        for (to, (_, cell)) in self.sample.sensor.iter_mut().zip(&mut self.probes) {
+        for (to, cell) in self.sample.sensor.iter_mut().zip(self.gauges.iter_mut().flat_map(|g| &mut g.cells)) {
             *to = cell.read();
         }
     }
@@ -329,7 +386,7 @@ impl<P: Plant> Backend for SimBackend<P> {
     }
 
     fn n_sensors(&self) -> usize {
-        self.probes.len()
+        self.n_cells()
     }
 
     fn read(&mut self) -> Result<StateFrame, HalError> {

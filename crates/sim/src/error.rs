@@ -151,6 +151,9 @@ pub enum SimError {
         /// What would have been.
         limit: f64,
     },
+    /// Drives that refused a command.
+    #[error("the drives refused a command: {0}")]
+    Drives(#[from] pkm_hal::HalError),
     /// An effect that is not in the library.
     #[error(transparent)]
     Effect(#[from] EffectError),

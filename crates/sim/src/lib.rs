@@ -8,7 +8,8 @@
 //! Two plants: [`ReducedPlant`] in the coordinates of the drives, [`ConstrainedPlant`] in those of the whole tree, for effects that have
 //! states or freedoms of their own. End stops are simulated by the latter where asked for; motions stay inside the limits.
 //!
-//! [`SimBackend`] is the same world behind the contract of hardware, [`limb`] the person in it.
+//! [`SimBackend`] is the same world behind the contract of hardware, [`limb`] the person in it, [`Equipment`] what both are made of;
+//! [`run_instrumented`] runs a scenario through it.
 //!
 //! Not in here: files, printing, clocks, estimators.
 
@@ -17,8 +18,10 @@ extern crate alloc;
 pub mod actuators;
 pub mod ankle;
 pub mod backend;
+pub mod consistent;
 pub mod dae;
 mod dense;
+pub mod equipment;
 pub mod error;
 pub mod hidden;
 pub mod laws;
@@ -41,7 +44,9 @@ pub mod twin;
 
 pub use ankle::{Ankle, AnkleAngle, AnkleExercise, AnkleMotion};
 pub use backend::{SimBackend, SimClock, SimDrive, SimOptions};
+pub use consistent::Consistent;
 pub use dae::{ConstrainedOptions, ConstrainedPlant, Integrator};
+pub use equipment::{DriveEquipment, Equipment, LimbEquipment, LimbPlace};
 pub use error::SimError;
 pub use hidden::{describe, draw};
 pub use laws::ForeignLaw;
@@ -51,7 +56,7 @@ pub use playback::Playback;
 pub use rapier::{RapierOptions, RapierPlant};
 pub use reference::{Reference, ReferenceOptions, Sample};
 pub use rerun::rerun;
-pub use scenario::{PlantKind, Scenario, Setup, needs_states, run, run_along, run_with};
+pub use scenario::{Instrumented, PlantKind, Scenario, Setup, needs_states, run, run_along, run_instrumented, run_with};
 pub use shaped::{Shape, Shaped};
 pub use trajectory::{Trajectory, check_limits};
 pub use twin::{Twin, twin, twin_with};

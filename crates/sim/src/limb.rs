@@ -1,11 +1,12 @@
 //! A limb in the robot: what a passive ankle or knee does to the link it is strapped to, and what the person adds.
 //!
-//! A [`Limb`] is a function of a link's pose and velocity, [`Worn`] puts [`Impedance`]s at the joints of drives; the one state is the person's own
+//! A [`Limb`] is a function of a link's pose and velocity, [`Worn`] puts [`Impedance`]s at the joints of drives, [`Strapped`] a limb at a link; the one state is the person's own
 //! ([`Patient`]). Efforts and wrenches are those on
 //! the robot.
 
 mod end_stop;
 mod patient;
+mod strapped;
 mod worn;
 
 use nalgebra::{Matrix3, Vector3};
@@ -14,6 +15,7 @@ use pkm_dyn::spatial::{Force, Inertia, Motion, Pose, skew};
 
 pub use end_stop::EndStops;
 pub use patient::{Patient, PatientConfig, Will};
+pub use strapped::Strapped;
 pub use worn::Worn;
 
 use crate::error::SimError;

@@ -61,6 +61,68 @@ pub trait Plant: Send {
         let _ = sensor;
         None
     }
+
+    /// Puts a force and a moment on a link, in the link's frame and at its origin, in place of the one before `[N]`, `[N·m]`: it acts in all
+    /// steps to come.
+    ///
+    /// # Errors
+    /// A plant that takes wrenches at its drives only.
+    fn push_link(&mut self, link: usize, wrench: &Force) -> Result<(), SimError> {
+        let _ = (link, wrench);
+        let what = "a limb at a link".to_string();
+        Err(SimError::NotRepresentable { engine: "this plant", what, problem: "take the constrained one" })
+    }
+
+    /// Says which motion of the drives is wanted `[m | rad]`, `[m/s | rad/s]`: a person in the plant who assists helps that one.
+    fn expect_motion(&mut self, q_ref: &[f64], v_ref: &[f64]) {
+        let _ = (q_ref, v_ref);
+    }
+}
+
+impl<P: Plant + ?Sized> Plant for Box<P> {
+    fn position(&self) -> &[f64] {
+        (**self).position()
+    }
+
+    fn velocity(&self) -> &[f64] {
+        (**self).velocity()
+    }
+
+    fn step(&mut self, tau: &[f64], h: f64) -> Result<(), SimError> {
+        (**self).step(tau, h)
+    }
+
+    fn time(&self) -> Option<f64> {
+        (**self).time()
+    }
+
+    fn load_position(&self) -> &[f64] {
+        (**self).load_position()
+    }
+
+    fn tree(&self) -> Option<[&[f64]; 2]> {
+        (**self).tree()
+    }
+
+    fn stored_energy(&mut self) -> Option<f64> {
+        (**self).stored_energy()
+    }
+
+    fn link_motion(&mut self, link: usize) -> Option<(Pose, Motion)> {
+        (**self).link_motion(link)
+    }
+
+    fn sensor_wrench(&mut self, sensor: usize) -> Option<Force> {
+        (**self).sensor_wrench(sensor)
+    }
+
+    fn push_link(&mut self, link: usize, wrench: &Force) -> Result<(), SimError> {
+        (**self).push_link(link, wrench)
+    }
+
+    fn expect_motion(&mut self, q_ref: &[f64], v_ref: &[f64]) {
+        (**self).expect_motion(q_ref, v_ref);
+    }
 }
 
 /// A robot with its effects in the coordinates of its drives; loops are closed by Newton in every step.

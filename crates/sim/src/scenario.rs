@@ -1,7 +1,9 @@
 //! One run: a true robot under a controller that knows only the nominal one, and what a recorder writes meanwhile.
 
 mod drive_pds;
+mod instrumented;
 mod log;
+mod pilot;
 mod rates;
 mod world;
 
@@ -16,6 +18,7 @@ use crate::laws::ForeignLaw;
 use crate::plant::{Plant, ReducedPlant, has_states};
 use crate::reference::{Reference, ReferenceOptions};
 use crate::trajectory::Trajectory;
+pub use instrumented::{Instrumented, run_instrumented};
 use log::Log;
 use rates::Rates;
 use world::World;
@@ -36,6 +39,9 @@ pub enum PlantKind {
     Reduced,
     /// [`ConstrainedPlant`].
     Constrained(ConstrainedOptions),
+    /// [`crate::RapierPlant`].
+    #[cfg(feature = "rapier")]
+    Rapier(crate::RapierOptions),
 }
 
 impl PlantKind {
@@ -59,16 +65,28 @@ impl PlantKind {
         velocity: &[f64],
         laws: Vec<Box<dyn ForeignLaw>>,
     ) -> Result<Box<dyn Plant>, SimError> {
-        if self == Self::Reduced
-            && let Some(law) = laws.first()
-        {
+        let engine = match self {
+            Self::Auto | Self::Constrained(_) => None,
+            Self::Reduced => Some("the reduced plant"),
+            #[cfg(feature = "rapier")]
+            Self::Rapier(_) => Some("rapier"),
+        };
+        if let (Some(engine), Some(law)) = (engine, laws.first()) {
             let joint = truth.model.joints.get(law.joint()).map_or("", |j| j.name.as_str());
             let what = format!("the form of an effect at joint {joint:?}");
-            return Err(SimError::NotRepresentable { engine: "the reduced plant", what, problem: "take the constrained one" });
+            return Err(SimError::NotRepresentable { engine, what, problem: "take the constrained one" });
         }
         let is_moving = velocity.iter().any(|v| v.abs() > AT_REST);
         let options = match self {
             Self::Constrained(options) => options,
+            #[cfg(feature = "rapier")]
+            Self::Rapier(options) => {
+                let mut plant = crate::RapierPlant::try_new(truth.clone(), start, options)?;
+                if is_moving {
+                    plant.set_velocity(velocity)?;
+                }
+                return Ok(Box::new(plant));
+            }
             Self::Auto if needs_states(truth) || !laws.is_empty() => ConstrainedOptions { seed, ..ConstrainedOptions::default() },
             Self::Auto | Self::Reduced => {
                 let mut plant = ReducedPlant::try_new(truth.clone(), start)?;

@@ -70,6 +70,13 @@ impl Encoder {
         self.offset + self.periodic.iter().map(periodic).sum::<f64>() - self.drift * t
     }
 
+    /// The same sensor whose reading leaves the truth by `rate` more in every second `[m/s | rad/s]`.
+    #[must_use]
+    pub fn drifting(mut self, rate: f64) -> Self {
+        self.drift += rate;
+        self
+    }
+
     /// The true position at which it reads `reading` `[m | rad]` when a run begins.
     #[must_use]
     pub(crate) fn true_position(&self, reading: f64) -> f64 {

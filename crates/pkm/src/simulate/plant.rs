@@ -28,6 +28,8 @@ enum PlantName {
     Reduced,
     /// Coordinates of the whole tree.
     Constrained,
+    /// A foreign engine, where the binary is built with it.
+    Rapier,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -56,7 +58,7 @@ impl PlantArgs {
     pub(crate) fn kind(&self, seed: u64) -> anyhow::Result<PlantKind> {
         let is_detailed = self.integrator.is_some() || self.step.is_some() || self.end_stops.is_some();
         anyhow::ensure!(
-            !(is_detailed && self.plant == Some(PlantName::Reduced)),
+            !(is_detailed && matches!(self.plant, Some(PlantName::Reduced | PlantName::Rapier))),
             "--integrator, --step and --end-stops are of the constrained plant (--plant constrained)"
         );
         let integrator = match self.integrator {
@@ -70,6 +72,10 @@ impl PlantArgs {
         Ok(match self.plant {
             Some(PlantName::Reduced) => PlantKind::Reduced,
             Some(PlantName::Constrained) => constrained,
+            #[cfg(feature = "rapier")]
+            Some(PlantName::Rapier) => PlantKind::Rapier(pkm_sim::RapierOptions::default()),
+            #[cfg(not(feature = "rapier"))]
+            Some(PlantName::Rapier) => anyhow::bail!("--plant rapier: this pkm is built without it (feature \"rapier\" of crate pkm)"),
             None if is_detailed => constrained,
             None => PlantKind::Auto,
         })

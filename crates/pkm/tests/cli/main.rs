@@ -12,3 +12,4 @@ mod reproduce;
 mod simulate;
 mod twin;
 mod verbs;
+mod world;

@@ -155,6 +155,14 @@ impl ThreeMass {
         Ok(Self { parameters, scale, rates, h: 0.0, map: unit, standing: unit, state })
     }
 
+    /// Brings it to rest with the load at `load` `[m]` and the force `force` `[N]` on it.
+    pub fn settle(&mut self, force: f64, load: f64) {
+        let rod = load + force / self.parameters.cell_stiffness;
+        self.state = SVector::zeros();
+        (self.state[X_R], self.state[X_M]) = (rod, rod + force / Rod::of(&self.parameters).k_b);
+        (self.state[LOAD], self.state[F], self.state[F_CMD]) = (load, force, force);
+    }
+
     /// Lets `h` `[s]` pass under a wanted force `[N]` while the load moves evenly from where it was to `load` `[m]`; returns the mean force
     /// on the load meanwhile `[N]`.
     ///
@@ -327,6 +335,17 @@ mod tests {
         assert!((mean - 40.0).abs() < 1e-6 && (drive.force(0.0) - 40.0).abs() < 1e-6, "{mean}");
         let mut idle = ThreeMass::try_new(ThreeMassParameters::ANKLE, 0.3).unwrap();
         assert!(idle.advance(0.0, 0.3, 5e-4).abs() < 1e-9 && (idle.rod() - 0.3).abs() < 1e-15);
+    }
+
+    #[test]
+    fn settled_under_a_force_it_stays_where_it_is() {
+        let mut drive = ThreeMass::try_new(ThreeMassParameters::ANKLE, 0.0).unwrap();
+        drive.settle(40.0, 0.1);
+        let rod = drive.rod();
+        for _ in 0..200 {
+            assert!((drive.advance(40.0, 0.1, 5e-4) - 40.0).abs() < 1e-6);
+        }
+        assert!((drive.rod() - rod).abs() < 1e-12 && (rod - 0.1 - 40.0 / 2e6).abs() < 1e-12);
     }
 
     #[test]

@@ -295,4 +295,14 @@ impl Plant for ConstrainedPlant {
         let here = wrench.about(&frame.translation);
         Some(Force { linear: frame.rotation.tr_mul(&here.linear), angular: frame.rotation.tr_mul(&here.angular) })
     }
+
+    fn push_link(&mut self, link: usize, wrench: &Force) -> Result<(), SimError> {
+        let pushed = &mut self.system.pushed;
+        match pushed.iter_mut().find(|(l, _)| *l == link) {
+            Some((_, old)) => *old = *wrench,
+            None if link < self.system.model.links.len() => pushed.push((link, *wrench)),
+            None => return Err(SimError::Scenario { what: "number of a link", value: link as f64, limit: "one of the robot's links" }),
+        }
+        Ok(())
+    }
 }

@@ -93,6 +93,8 @@ pub(crate) struct System {
     remembering: Vec<Remembering>,
     touching: Vec<Touching>,
     persons: Vec<Person>,
+    /// Wrenches from outside: link, and force and moment in its frame at its origin.
+    pub(crate) pushed: Vec<(usize, Force)>,
     /// Direction in which each resisting joint slides: −1, 0 (it has no direction) or 1.
     pub(crate) directions: Vec<f64>,
 }
@@ -131,6 +133,7 @@ impl System {
             remembering,
             touching,
             persons,
+            pushed: Vec::new(),
         }
     }
 
@@ -198,7 +201,7 @@ impl System {
     }
 
     fn touch(&mut self, state: &State) {
-        let Self { model, data, tau, touching, persons, .. } = self;
+        let Self { model, data, tau, touching, persons, pushed, .. } = self;
         for t in touching.iter() {
             if let Some(j) = t.joint {
                 tau[j] -= t.at_joint(state, j);
@@ -211,6 +214,9 @@ impl System {
             let at = link_pose(model, data, person.link).translation;
             let linear = person.force(state.time);
             push_link(model, data, tau, person.link, &Force { linear, angular: at.cross(&linear) });
+        }
+        for (link, wrench) in pushed.iter() {
+            push_link(model, data, tau, *link, &link_pose(model, data, *link).force_to_parent(wrench));
         }
     }
 
@@ -225,6 +231,9 @@ impl System {
             let at = link_pose(&self.model, &self.data, person.link).translation;
             let linear = person.force(time);
             sum += Force { linear, angular: at.cross(&linear) };
+        }
+        for (l, wrench) in self.pushed.iter().filter(|(l, _)| same(*l)) {
+            sum += link_pose(&self.model, &self.data, *l).force_to_parent(wrench);
         }
         sum
     }

@@ -95,6 +95,12 @@ impl Patient {
         Ok(Self { config, mood, tremor, will_noise, tremor_noise })
     }
 
+    /// Whether he needs to know which motion is wanted.
+    #[must_use]
+    pub fn is_helpful(&self) -> bool {
+        self.config.will == Will::Assists
+    }
+
     /// Lets `h` `[s]` pass. Exact for any step: what a spectrum is does not depend on how finely it is simulated.
     pub fn advance(&mut self, h: f64) {
         let fade = math::exp(-h / self.config.variation_time);

@@ -1,5 +1,7 @@
 //! A limb at the joints of a plant's drives: a knee in an orthosis, an ankle on a single axis.
 
+use pkm_dyn::spatial::{Force, Motion, Pose};
+
 use crate::error::SimError;
 use crate::limb::{Impedance, Patient};
 use crate::plant::Plant;
@@ -65,6 +67,40 @@ impl<P: Plant> Plant for Worn<P> {
             }
         }
         self.plant.step(&self.tau, h)
+    }
+
+    fn time(&self) -> Option<f64> {
+        self.plant.time()
+    }
+
+    fn load_position(&self) -> &[f64] {
+        self.plant.load_position()
+    }
+
+    fn tree(&self) -> Option<[&[f64]; 2]> {
+        self.plant.tree()
+    }
+
+    /// Of the plant alone: [`Impedance::energy`] is the limb's.
+    fn stored_energy(&mut self) -> Option<f64> {
+        self.plant.stored_energy()
+    }
+
+    fn link_motion(&mut self, link: usize) -> Option<(Pose, Motion)> {
+        self.plant.link_motion(link)
+    }
+
+    fn sensor_wrench(&mut self, sensor: usize) -> Option<Force> {
+        self.plant.sensor_wrench(sensor)
+    }
+
+    fn push_link(&mut self, link: usize, wrench: &Force) -> Result<(), SimError> {
+        self.plant.push_link(link, wrench)
+    }
+
+    fn expect_motion(&mut self, q_ref: &[f64], v_ref: &[f64]) {
+        self.v_ref = core::array::from_fn(|k| v_ref.get(k).copied().unwrap_or(0.0));
+        self.plant.expect_motion(q_ref, v_ref);
     }
 }
 

@@ -99,5 +99,11 @@ fn mass_at_mid_pose(model: &Model) -> Result<Vec<f64>, SimError> {
         unit[k] = 1.0;
         masses.push(effort(&unit, k)? - effort(&zero, k)?);
     }
+    // A surplus drive is no coordinate of its own: as much as the lightest that is.
+    let is_own = |k: usize| data.independent.contains(&model.actuators[k]);
+    let least = (0..n).filter(|k| is_own(*k)).map(|k| masses[k]).fold(f64::INFINITY, f64::min);
+    for k in (0..n).filter(|k| !is_own(*k)) {
+        masses[k] = least;
+    }
     Ok(masses)
 }

@@ -195,7 +195,7 @@ impl<'r> World<'r> {
 }
 
 /// A controller's fault as an error.
-fn stopped(model: &Model, law: &str, time: f64, fault: &Fault) -> SimError {
+pub(super) fn stopped(model: &Model, law: &str, time: f64, fault: &Fault) -> SimError {
     let joint = |k: usize| model.actuators.get(k).map_or(String::new(), |&j| format!(" at joint {:?}", model.joints[j].name));
     let place = match fault.code {
         FaultCode::Wrench | FaultCode::WrenchNotFinite => {

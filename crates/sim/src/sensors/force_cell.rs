@@ -58,6 +58,11 @@ impl ForceCell {
         Self::new(ForceCellConfig::default(), 0, 0)
     }
 
+    /// Brings its amplifier to rest at a value that has been there for ever.
+    pub fn settle(&mut self, value: f64) {
+        self.lag.settle(value);
+    }
+
     /// Lets `h` `[s]` pass under a value that is `mean` meanwhile.
     pub fn follow(&mut self, mean: f64, h: f64) {
         self.lag.advance(mean, h);

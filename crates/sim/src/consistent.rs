@@ -1,0 +1,48 @@
+//! A motion of robots with more drives than freedoms: the surplus drives go where the loops take them.
+
+use core::cell::RefCell;
+
+use pkm_dyn::Data;
+use pkm_dyn::inverse_dynamics::closed_loop_motion;
+use pkm_dyn::loops::{assemble, walk_to};
+use pkm_dyn::model::Model;
+
+use crate::error::SimError;
+use crate::plant::check;
+use crate::reference::Sample;
+use crate::trajectory::Trajectory;
+
+/// A motion whose surplus drives follow from the others by the loops.
+pub struct Consistent<'m> {
+    model: &'m Model,
+    inner: Box<dyn Trajectory>,
+    data: RefCell<Data>,
+}
+
+impl<'m> Consistent<'m> {
+    /// `inner` on `model`; of it only the motion of the independent drives is kept.
+    ///
+    /// # Errors
+    /// Loops that do not close where the motion begins.
+    pub fn try_new(model: &'m Model, inner: Box<dyn Trajectory>) -> Result<Self, SimError> {
+        let (mut data, mut sample) = (Data::new(model), Sample::default());
+        inner.at(0.0, &mut sample);
+        for closure in [assemble(model, &mut data), walk_to(model, &mut data, &sample.q)] {
+            check(&closure, 0.0)?;
+        }
+        Ok(Self { model, inner, data: RefCell::new(data) })
+    }
+}
+
+impl Trajectory for Consistent<'_> {
+    fn at(&self, t: f64, out: &mut Sample) {
+        self.inner.at(t, out);
+        let data = &mut *self.data.borrow_mut();
+        let is_closed = closed_loop_motion(self.model, data, &out.q, &out.v, &out.a).is_closed;
+        for (k, &j) in self.model.actuators.iter().enumerate() {
+            // Where loops do not close there is no motion: whoever follows it finds no number.
+            let motion = [data.q[j], data.v[j], data.a[j]].map(|x| if is_closed { x } else { f64::NAN });
+            [out.q[k], out.v[k], out.a[k]] = motion;
+        }
+    }
+}
