@@ -144,7 +144,7 @@ fn section_2_2() -> Vec<Row> {
             Row::new("section 2.2", what, smaller[k], Some(paper), Gate::Within(2e-10))
                 .because("the printed lengths need a radius of .3 m"),
         );
-        let what = format!("{name} there with Table 1's radius of .4 m");
+        let what = format!("{name} there with the radius of Table 1, .4 m");
         let row = Row::held_against("section 2.2", what, own[k], Some(paper), (Gate::Within(6e-7), checked));
         rows.push(row.not_reproducible("the printed lengths belong to a base of .3 m, Table 1 has .4 m"));
     }

@@ -79,12 +79,12 @@ fn equation_18(model: &Model) -> Result<DMatrix<f64>, PaperError> {
         let [q, v, a] = [&data.q, &data.v, &data.a].map(Clone::clone);
         joint_torque_regressor(model, &mut data, &q, &v, &a);
         let mut own = state * rows + nv;
-        for j in 0..nv {
+        for (j, &is_on_leg_4) in on_leg_4.iter().enumerate() {
             for (l, (body, change)) in links.iter().enumerate() {
                 let columns = data.joint_torque_regressor.view((j, N_INERTIAL * body), (1, N_INERTIAL)) * change;
                 if l < LINKS.len() - 1 {
                     k1.view_mut((state * rows + j, N_INERTIAL * l), (1, N_INERTIAL)).copy_from(&columns);
-                } else if on_leg_4[j] {
+                } else if is_on_leg_4 {
                     k1.view_mut((own, legs), (1, N_INERTIAL)).copy_from(&columns);
                     own += 1;
                 }

@@ -98,8 +98,7 @@ impl Order {
         for (_, column) in friction {
             add(&mut basis, column, &mut left);
         }
-        loop {
-            let Some(best) = (0..left.len()).max_by(|&a, &b| left[a].norm().total_cmp(&left[b].norm())) else { break };
+        while let Some(best) = (0..left.len()).max_by(|&a, &b| left[a].norm().total_cmp(&left[b].norm())) {
             let size = left[best].norm();
             if size <= RANK_TOLERANCE * pivots.first().copied().unwrap_or(1.0) {
                 break;

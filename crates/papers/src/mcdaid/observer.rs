@@ -158,7 +158,7 @@ pub(super) fn rows() -> Result<Vec<Row>, PaperError> {
             "friction stands with a plus inside the bracket",
         ),
         wrong("eq. 8.5", "the same as printed, N", c.error_of_8_5(-1.0), "printed with the friction of the drives pushing"),
-        exact("eq. 8.6", "J' times its pseudo-inverse, less one", (c.J.transpose() * c.pinv.transpose() - I3).norm(), ""),
+        exact("eq. 8.6", "transpose of J times its pseudo-inverse, less one", (c.J.transpose() * c.pinv.transpose() - I3).norm(), ""),
         exact("eq. 8.7", "D·v0 - v0: the internal force passes", (&c.D * &c.v0 - &c.v0).norm(), ""),
     ];
     let [G, H] = c.observer(1.0, 0.0)?;

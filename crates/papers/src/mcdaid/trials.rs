@@ -32,7 +32,7 @@ pub(super) fn free_motion() -> Result<Vec<Row>, PaperError> {
     let moments: [f64; 3] = core::array::from_fn(|i| proposed.moment[i] / uniform.moment[i]);
     let mut rows = vec![
         Row::new("Figure 8.17", "drives whose force error falls by 30 % or more", many as f64, None, Gate::AtLeast(2.0)).because(FOOT),
-        Row::new("Figure 8.17", "largest fall of a drive's force error, %", 100.0 * most, Some(50.0), Gate::AtLeast(30.0))
+        Row::new("Figure 8.17", "largest fall of the force error of a drive, %", 100.0 * most, Some(50.0), Gate::AtLeast(30.0))
             .conclusion_only(FOOT),
         Row::new("Figure 8.17", "turn of the foot, proposed over uniform gains", proposed.reach / uniform.reach, None, Gate::AtLeast(1.0))
             .because("the robot is easier to move"),
