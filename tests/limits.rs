@@ -291,8 +291,7 @@ fn after_a_fault(at: usize, spoil: impl Fn(&mut Input<2>)) -> Vec<[f64; 2]> {
 
 #[test]
 fn a_fault_in_the_first_step_carries_the_weight_and_pushes_nothing() {
-    let spoils: [fn(&mut Input<2>); 3] =
-        [|i| i.dt = 1.0, |i| i.tau_meas[1] = f64::NAN, |i| i.wrench_meas[0] = 1e3];
+    let spoils: [fn(&mut Input<2>); 3] = [|i| i.dt = 1.0, |i| i.tau_meas[1] = f64::NAN, |i| i.wrench_meas[0] = 1e3];
     for spoil in spoils {
         for tau in after_a_fault(0, spoil) {
             assert!(tau.iter().all(|t| (t - SLOPE).abs() < 1e-12), "{tau:?}");
@@ -315,7 +314,15 @@ fn an_encoder_that_jumps_there_and_back_is_damped_as_the_fastest_motion_is() {
 #[test]
 fn a_controller_that_follows_no_reference_cannot_be_led_by_one() {
     let force = || {
-        let pid = ForcePidConfig { kp: [0.1; 2], ki: [0.0; 2], kd: [0.0; 2], output_limit: [9.0; 2], rate_limit: [9.0; 2], filter_s: 0.0, dt: DT };
+        let pid = ForcePidConfig {
+            kp: [0.1; 2],
+            ki: [0.0; 2],
+            kd: [0.0; 2],
+            output_limit: [9.0; 2],
+            rate_limit: [9.0; 2],
+            filter_s: 0.0,
+            dt: DT,
+        };
         ExplicitForce::try_new(ExplicitForceConfig { pid, tau_limit: [60.0; 2] }).expect("numbers in range")
     };
     let free = LimitsConfig { wrench_yield: [f64::INFINITY; 6], ..config() };
@@ -332,7 +339,9 @@ fn a_controller_that_follows_no_reference_cannot_be_led_by_one() {
 fn boxes_that_are_none_are_refused() {
     let map = LinearTask::try_new([0.0], [0.0], [[1.0]], [0]).expect("full rank");
     assert!(TaskBox::try_new(map, [-1.0], [1.0], 0.0).is_ok());
-    for (lower, upper, margin) in [(1.0, 1.0, 0.0), (f64::NAN, 1.0, 0.0), (-1.0, f64::INFINITY, 0.0), (-1.0, 1.0, -0.1), (-1.0, 1.0, f64::NAN)] {
+    for (lower, upper, margin) in
+        [(1.0, 1.0, 0.0), (f64::NAN, 1.0, 0.0), (-1.0, f64::INFINITY, 0.0), (-1.0, 1.0, -0.1), (-1.0, 1.0, f64::NAN)]
+    {
         assert!(TaskBox::try_new(map, [lower], [upper], margin).is_err(), "{lower} {upper} {margin}");
     }
 }

@@ -6,8 +6,8 @@
 use pkm_dyn::effects::Robot;
 
 use crate::controller::{Command, ConfigError, Controller, Health, Input, clipped, must_be_finite, must_be_usable};
-use crate::fault::{Fault, FaultCode};
 use crate::drive_model::{DriveModel, DriveModelState, NO_ACCELERATION};
+use crate::fault::{Fault, FaultCode};
 use crate::observer::{Sample, VelocityObserver};
 
 /// Which velocity the friction that is compensated belongs to.

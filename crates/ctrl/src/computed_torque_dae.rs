@@ -7,9 +7,9 @@
 use pkm_dyn::effects::Robot;
 
 use crate::controller::{Command, ConfigError, Controller, Health, Input, clipped, must_be_finite, must_be_usable};
-use crate::fault::{Fault, FaultCode};
 use crate::drive_model::{DriveModel, DriveModelState, NO_ACCELERATION};
 use crate::error_dynamics::ErrorGains;
+use crate::fault::{Fault, FaultCode};
 use crate::observer::{Sample, VelocityObserver};
 
 /// Numbers of a [`ComputedTorqueDae`]; arrays have one entry per drive.
@@ -110,7 +110,13 @@ impl<const N: usize, O: VelocityObserver<N>> ComputedTorqueDae<N, O> {
     }
 
     /// The voltages after `dt` `[s]` of the rates that `wanted` efforts need, and what their limits leave of efforts and accelerations.
-    fn integrate(&self, state: &mut ComputedTorqueDaeState<N, O::State>, wanted: &[f64; N], a: &[f64; N], dt: f64) -> Result<Command<N>, Fault> {
+    fn integrate(
+        &self,
+        state: &mut ComputedTorqueDaeState<N, O::State>,
+        wanted: &[f64; N],
+        a: &[f64; N],
+        dt: f64,
+    ) -> Result<Command<N>, Fault> {
         let next: [f64; N] = core::array::from_fn(|k| state.u[k] + dt * wanted[k] / self.config.b0[k]);
         must_be_finite(FaultCode::CommandNotFinite, &[&next])?;
         let (u, is_saturated) = clipped(&next, &self.config.u_limit);

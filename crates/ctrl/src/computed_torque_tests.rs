@@ -9,6 +9,7 @@ use pkm_dyn::{Data, InertialParameters};
 
 use crate::computed_torque::{ComputedTorque, ComputedTorqueConfig};
 use crate::controller::{Command, Controller, Input};
+use crate::fault::{Fault, FaultCode};
 use crate::observer::{CommandedAcceleration, Discretisation, FirstDifference};
 
 const DT: f64 = 1e-3;

@@ -171,10 +171,7 @@ impl<const N: usize, I, S> LimitedState<N, I, S> {
 fn check_stopping<const N: usize>(c: &LimitsConfig<N>) -> Result<(), ConfigError> {
     for drive in 0..N {
         let has_end = c.q_lower[drive].is_finite() || c.q_upper[drive].is_finite();
-        let needed = [
-            ("deceleration", c.deceleration[drive], has_end),
-            ("brake", c.brake[drive], has_end || c.v_limit[drive].is_finite()),
-        ];
+        let needed = [("deceleration", c.deceleration[drive], has_end), ("brake", c.brake[drive], has_end || c.v_limit[drive].is_finite())];
         if let Some((what, value, _)) = needed.into_iter().find(|(_, x, is_needed)| *is_needed && !x.is_finite()) {
             return Err(ConfigError { drive, what, value, limit: "must be finite where there is something to stop at" });
         }

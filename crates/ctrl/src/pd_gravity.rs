@@ -202,7 +202,7 @@ mod tests {
         let after = controller().step(&mut state, &at_rest());
         assert_eq!((after.tau, after.health.is_faulted), ([3.0, -1.5], true));
         let mut untouched = PdGravityState::<2>::default();
-        input.tau_ff[0] = f64::INFINITY;
+        (input.q_meas[1], input.tau_ff[0]) = (-0.2, f64::INFINITY);
         let command = controller().step(&mut untouched, &input);
         let fault = Fault { code: FaultCode::InputNotFinite, drive: 0, value: f64::INFINITY, limit: 0.0 };
         assert_eq!(command, Command::faulted([0.0; 2], Some(fault)));

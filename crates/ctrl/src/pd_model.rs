@@ -4,8 +4,8 @@
 use pkm_dyn::effects::Robot;
 
 use crate::controller::{Command, ConfigError, Controller, Health, Input, clipped, must_be_finite, must_be_usable};
-use crate::fault::{Fault, FaultCode};
 use crate::drive_model::{DriveModel, DriveModelState};
+use crate::fault::{Fault, FaultCode};
 use crate::observer::{Sample, VelocityObserver};
 
 /// Numbers of a [`PdModel`]; arrays have one entry per drive.

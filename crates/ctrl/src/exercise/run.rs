@@ -272,7 +272,8 @@ mod tests {
         let map = LinearTask::try_new([0.0], [0.0], [[1.0]], [2]).unwrap();
         let inner = PdGravity::try_new(PdGravityConfig { kp: [1e3], kd: [0.0], tau_limit: [1e6], dt, filter_s: 0.0 }).unwrap();
         let pid = ForcePidConfig { kp: [1e-3], ki: [0.0], kd: [0.0], output_limit: [0.1], rate_limit: [10.0], filter_s: 0.0, dt };
-        let script = Script::try_new(&[Phase { duration_s: 9.0, ramp_s: 4.0, channels: [Channel::Position(Wave::constant(0.1))] }]).unwrap();
+        let script =
+            Script::try_new(&[Phase { duration_s: 9.0, ramp_s: 4.0, channels: [Channel::Position(Wave::constant(0.1))] }]).unwrap();
         let controller = Exercise::try_new(map, inner, ExerciseConfig { script, pid, lower: [-0.2], upper: [0.2] }).unwrap();
         let (mut state, mut x) = (controller.at_rest(), start);
         for step in 0..900 {

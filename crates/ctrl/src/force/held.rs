@@ -106,7 +106,8 @@ mod tests {
     }
 
     fn exercise<C: Controller<1>>(inner: C) -> impl Controller<1> {
-        let script = Script::try_new(&[Phase { duration_s: 9.0, ramp_s: 1.0, channels: [Channel::Position(Wave::constant(0.1))] }]).unwrap();
+        let script =
+            Script::try_new(&[Phase { duration_s: 9.0, ramp_s: 1.0, channels: [Channel::Position(Wave::constant(0.1))] }]).unwrap();
         Exercise::try_new(map(), inner, ExerciseConfig { script, pid: pid(), lower: [-1.0], upper: [1.0] }).unwrap()
     }
 
