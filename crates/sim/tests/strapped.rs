@@ -14,7 +14,7 @@ fn spring(stiffness: f64) -> Impedance {
 }
 
 fn link(model: &Model, name: &str) -> usize {
-    model.links.iter().position(|l| l.name == name).unwrap()
+    model.links.iter().position(|l| l.name == name).expect("a link of this name")
 }
 
 #[test]
@@ -60,7 +60,7 @@ fn a_strapped_limb_without_losses_keeps_energy() {
         strapped.step(&[0.0, 0.0], 5e-4).unwrap();
         worst = worst.max((energy(&mut strapped) / start - 1.0).abs());
     }
-    assert!(start > 0.5 && worst < 2e-3, "{start} J, off by {worst}");
+    assert!(start > 0.1 && worst < 1e-4, "{start} J, off by {worst}");
 }
 
 #[test]
@@ -85,7 +85,7 @@ fn drives_in_surplus_go_where_the_loops_take_them() {
     let mut data = pkm_dyn::Data::new(&model);
     assert!(pkm_dyn::loops::assemble(&model, &mut data).is_closed);
     for k in 0..50 {
-        let (t, h) = (0.1 * f64::from(k), 1e-5);
+        let (t, h) = (0.1 * f64::from(k), 1e-4);
         motion.at(t - h, &mut before);
         motion.at(t + h, &mut after);
         motion.at(t, &mut here);

@@ -1,6 +1,8 @@
 //! `--world`: what sensors, drives and a person do to a recording, and which files are refused.
 
-use std::collections::BTreeMap;
+extern crate alloc;
+
+use alloc::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 

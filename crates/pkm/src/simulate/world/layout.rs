@@ -1,6 +1,8 @@
 //! The tables of a world.toml as they stand in the file.
 
-use std::collections::BTreeMap;
+extern crate alloc;
+
+use alloc::collections::BTreeMap;
 
 use serde::Deserialize;
 
