@@ -2,7 +2,7 @@
 
 use crate::backend::{Backend, HalError};
 use crate::clock::Clock;
-use crate::frame::{CommandFrame, MAX_AXES, Mode, StateFrame, status};
+use crate::frame::{CommandFrame, MAX_AXES, Mode, Signal, StateFrame, status};
 use crate::safe_action::{SafeAction, Trip};
 use crate::session::Session;
 
@@ -161,7 +161,7 @@ impl<B: Backend, C: Clock> Watchdog<B, C> {
             self.counts.trips += 1;
             // A session that was armed after a trip and never sent efforts leaves the first trip's aim in place.
             if self.trip.is_none() {
-                let q = self.state.map_or([0.0; MAX_AXES], |state| state.q);
+                let q = core::array::from_fn(|i| self.state.and_then(|state| state.measured(Signal::Position, i)));
                 self.trip = Some(Trip { at_ns: now_ns, tau: self.tau, q });
             }
         }
