@@ -191,6 +191,10 @@ impl<B: Backend> Backend for Limiter<B> {
         self.sent_ns = Some(command.stamp_ns);
         Ok(())
     }
+
+    fn sent(&self) -> Option<&[f64; MAX_AXES]> {
+        self.inner.sent().or(Some(&self.sent))
+    }
 }
 
 #[cfg(test)]
