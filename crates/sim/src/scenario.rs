@@ -153,7 +153,7 @@ impl Scenario {
     }
 
     fn steps_per_sample(&self) -> f64 {
-        (CONTROL_HZ / self.rate_hz).ceil().max(1.0)
+        (CONTROL_HZ / self.rate_hz - 1e-6).ceil().max(1.0)
     }
 }
 
