@@ -294,6 +294,9 @@ impl Stepper {
 }
 
 fn advance_foreign(system: &mut System, state: &State, h: f64) {
+    if h <= 0.0 {
+        return;
+    }
     for f in 0..system.foreign.len() {
         let found = system.resisting.iter().position(|r| r.has_foreign(f));
         if let Some(r) = found {
