@@ -1,5 +1,7 @@
 //! A limb at the joints of a plant's drives: a knee in an orthosis, an ankle on a single axis.
 
+use pkm_dyn::spatial::{Force, Motion, Pose};
+
 use crate::error::SimError;
 use crate::limb::{Impedance, Patient};
 use crate::plant::Plant;
@@ -65,6 +67,30 @@ impl<P: Plant> Plant for Worn<P> {
             }
         }
         self.plant.step(&self.tau, h)
+    }
+
+    fn time(&self) -> Option<f64> {
+        self.plant.time()
+    }
+
+    fn load_position(&self) -> &[f64] {
+        self.plant.load_position()
+    }
+
+    fn tree(&self) -> Option<[&[f64]; 2]> {
+        self.plant.tree()
+    }
+
+    fn stored_energy(&mut self) -> Option<f64> {
+        self.plant.stored_energy()
+    }
+
+    fn link_motion(&mut self, link: usize) -> Option<(Pose, Motion)> {
+        self.plant.link_motion(link)
+    }
+
+    fn sensor_wrench(&mut self, sensor: usize) -> Option<Force> {
+        self.plant.sensor_wrench(sensor)
     }
 }
 
@@ -140,6 +166,20 @@ mod tests {
         }
         // Stationary about effort over stiffness; four seconds are not whole swings.
         assert!(last < 0.1 && (sum - 3.0 / 200.0).abs() < 2e-3, "{last} J, {sum} m");
+    }
+
+    #[test]
+    fn what_the_plant_tells_is_told_with_the_limb_on() {
+        let robot = pkm_robots::find("five_bar").unwrap();
+        let robot = pkm_dyn::urdf::parse(robot.toml, robot.urdf, [robot.toml_name, robot.urdf_name]).unwrap().robot;
+        let start = pkm_dyn::loops::mid_pose(&robot.model);
+        let mut bare = crate::ReducedPlant::try_new(robot, &start).unwrap();
+        let mut worn = Worn::try_new(bare.clone(), vec![Impedance::FREE; 2], None).unwrap();
+        for plant in [&mut bare as &mut dyn Plant, &mut worn] {
+            plant.step(&[0.1, 0.2], 1e-3).unwrap();
+        }
+        assert!(worn.time().is_some() && worn.time() == bare.time() && worn.stored_energy() == bare.stored_energy());
+        assert!(worn.link_motion(1).is_some() && worn.link_motion(1) == bare.link_motion(1));
     }
 
     #[test]
