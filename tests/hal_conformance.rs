@@ -5,8 +5,8 @@ use pkm_hal::backends::Loopback;
 use pkm_hal::conformance::{check_device, check_guarded};
 use pkm_hal::frame::status;
 use pkm_hal::{
-    AxisLimits, Backend, Clock, CommandFrame, Fault, FaultyHal, HalError, Injection, Limiter, ManualClock, Mode, SafeAction, SafeKind,
-    Signal, StateFrame, Watchdog, WatchdogLimits,
+    AxisLimits, Backend, Clock, CommandFrame, Fault, FaultyHal, HalError, Injection, Limiter, MAX_AXES, ManualClock, Mode, SafeAction,
+    SafeKind, Signal, StateFrame, Watchdog, WatchdogLimits,
 };
 use pkm_sim::sensors::{ForceCellConfig, SamplingConfig, VelocitySensing};
 use pkm_sim::{ReducedPlant, SimBackend, SimClock, SimOptions};
@@ -56,18 +56,23 @@ fn every_shipped_robot_simulated_keeps_the_contract() {
     }
 }
 
+/// An action whose efforts are bounded.
+fn bounded(kind: SafeKind) -> SafeAction {
+    SafeAction { effort: [100.0; MAX_AXES], ..SafeAction::new(kind) }
+}
+
 #[test]
 fn a_hal_keeps_robots_from_strangers_on_every_device() {
     let clock = ManualClock::new(0);
     let limits = WatchdogLimits::of_period(PERIOD_NS);
     for kind in [SafeKind::Off, SafeKind::Ramp, SafeKind::Damp, SafeKind::Hold, SafeKind::Brake] {
         let device = Limiter::try_new(Loopback::new(3, &clock), &[AxisLimits::of_effort(10.0); 3]).unwrap();
-        let mut hal = Watchdog::try_new(device, &clock, limits, SafeAction::new(kind)).unwrap();
+        let mut hal = Watchdog::try_new(device, &clock, limits, bounded(kind)).unwrap();
         check_guarded(&mut hal, &clock, 5 * PERIOD_NS, &mut |_, ns| clock.advance(ns)).unwrap();
 
         let device = simulated("five_bar", &real());
         let time = device.clock();
-        let mut hal = Watchdog::try_new(device, time.clone(), limits, SafeAction::new(kind)).unwrap();
+        let mut hal = Watchdog::try_new(device, time.clone(), limits, bounded(kind)).unwrap();
         let mut pass = |hal: &mut Watchdog<SimBackend<ReducedPlant>, SimClock>, ns: u64| {
             for _ in 0..ns.div_ceil(PERIOD_NS) {
                 hal.inner_mut().elapse().unwrap();
@@ -155,19 +160,27 @@ struct Aftermath {
     excursion: f64,
     /// The first error that a reader saw.
     error: Option<HalError>,
+    /// Whether the drives had power at the end.
+    is_powered: bool,
 }
 
 fn aftermath(fault: Fault) -> Aftermath {
+    let free = AxisLimits::of_effort(100.0);
+    aftermath_within(fault, [free; 2])
+}
+
+fn aftermath_within(fault: Fault, bounds: [AxisLimits; 2]) -> Aftermath {
     const FAULT_AT: u64 = 100;
     let script = [Injection { from: FAULT_AT, to: u64::MAX, fault }];
-    let mut action = SafeAction::new(SafeKind::Hold);
+    let mut action = bounded(SafeKind::Hold);
     (action.stiffness[0], action.stiffness[1], action.damping[0], action.damping[1]) = (20.0, 20.0, 0.5, 0.5);
     let device = simulated("five_bar", &SimOptions::default());
     let clock = device.clock();
     let start: Vec<f64> = pkm_sim::Plant::position(device.plant()).to_vec();
     let limits = WatchdogLimits::of_period(PERIOD_NS);
-    let mut hal = Watchdog::try_new(FaultyHal::new(device, &script), clock.clone(), limits, action).expect("it goes on");
-    let mut out = Aftermath { until_safe: None, excursion: 0.0, error: None };
+    let device = Limiter::try_new(FaultyHal::new(device, &script), &bounds).expect("sensible limits");
+    let mut hal = Watchdog::try_new(device, clock.clone(), limits, action).expect("it goes on");
+    let mut out = Aftermath { until_safe: None, excursion: 0.0, error: None, is_powered: true };
     let mut sequence = 0;
     for k in 0..FAULT_AT + 50 {
         let before = clock.now_ns();
@@ -178,11 +191,15 @@ fn aftermath(fault: Fault) -> Aftermath {
                 out.until_safe = Some(k - FAULT_AT);
             }
             out.error = out.error.or(read.err());
-            let position = pkm_sim::Plant::position(hal.inner_mut().inner_mut().plant());
+            let position = pkm_sim::Plant::position(hal.inner_mut().inner_mut().inner_mut().plant());
             out.excursion = position.iter().zip(&start).map(|(q, q0)| (q - q0).abs()).fold(out.excursion, f64::max);
         }
+        // A commander who is not told what he needs falls silent.
+        let told =
+            |state: &StateFrame| [Signal::Position, Signal::Velocity].iter().all(|&s| (0..2).all(|i| state.measured(s, i).is_some()));
         if let Ok(state) = read
             && !is_safe
+            && told(&state)
         {
             sequence += 1;
             let mode = if sequence == 1 { Mode::Arm } else { Mode::Effort };
@@ -194,11 +211,25 @@ fn aftermath(fault: Fault) -> Aftermath {
             // A commander whose command is refused has nothing better to do than to go on.
             let _ = hal.write(&command.sealed());
         }
+        out.is_powered = read.is_ok_and(|state| state.status & status::POWERED != 0);
         if clock.now_ns() == before {
-            hal.inner_mut().inner_mut().elapse().expect("it goes on");
+            hal.inner_mut().inner_mut().inner_mut().elapse().expect("it goes on");
         }
     }
     out
+}
+
+#[test]
+fn what_is_not_measured_any_more_is_not_fed_back_and_without_it_no_bound_of_motion_is_kept() {
+    let moving = AxisLimits { velocity: 50.0, velocity_gain: 10.0, ..AxisLimits::of_effort(100.0) };
+    for signal in [Signal::Position, Signal::Velocity] {
+        let fault = Fault::Unplugged { signal, axis: 0 };
+        let held = aftermath(fault);
+        assert!(held.until_safe.is_some_and(|periods| periods <= 6) && held.excursion < 0.2 && held.is_powered, "{fault:?}: {held:?}");
+        // A limiter that cannot keep its bounds lets nothing through: the drives go off.
+        let off = aftermath_within(fault, [moving; 2]);
+        assert!(off.until_safe.is_some_and(|periods| periods <= 6) && !off.is_powered, "{fault:?}: {off:?}");
+    }
 }
 
 #[test]

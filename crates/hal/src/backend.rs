@@ -1,6 +1,6 @@
 //! The contract itself: state out, commands in, never waiting.
 
-use crate::frame::{CommandFrame, StateFrame};
+use crate::frame::{CommandFrame, MAX_AXES, StateFrame};
 
 /// A robot, or what stands for one.
 ///
@@ -24,6 +24,11 @@ pub trait Backend {
     /// # Errors
     /// Why it was refused; nothing has changed then.
     fn write(&mut self, command: &CommandFrame) -> Result<(), HalError>;
+
+    /// Efforts that the last accepted command came to `[N | N·m]`, where something in here may change them; `None`: those that were asked for.
+    fn sent(&self) -> Option<&[f64; MAX_AXES]> {
+        None
+    }
 }
 
 impl<B: Backend + ?Sized> Backend for &mut B {
@@ -41,6 +46,10 @@ impl<B: Backend + ?Sized> Backend for &mut B {
 
     fn write(&mut self, command: &CommandFrame) -> Result<(), HalError> {
         (**self).write(command)
+    }
+
+    fn sent(&self) -> Option<&[f64; MAX_AXES]> {
+        (**self).sent()
     }
 }
 
@@ -141,6 +150,9 @@ pub enum HalError {
         /// Its nonce.
         nonce: u64,
     },
+    /// A session is open already.
+    #[error("armed already: a session is open")]
+    AlreadyArmed,
     /// No session is open: arm first.
     #[error("not armed")]
     NotArmed,

@@ -288,6 +288,10 @@ impl<B: Backend> Backend for FaultyHal<'_, B> {
         }
         self.inner.write(&command.sealed())
     }
+
+    fn sent(&self) -> Option<&[f64; MAX_AXES]> {
+        self.inner.sent()
+    }
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ pub struct AxisLimits {
     pub velocity: f64,
     /// Largest effort `[N | N·m]`.
     pub effort: f64,
-    /// Largest change of effort in time `[N/s | N·m/s]`; ∞ without one.
+    /// Largest change of effort in time, away from zero `[N/s | N·m/s]`; ∞ without one.
     pub effort_rate: f64,
     /// How speed must fall towards an end of travel: at distance `d` it may be `position_gain·d` `[1/s]`.
     pub position_gain: f64,
@@ -80,7 +80,8 @@ impl AxisLimits {
 ///
 /// Efforts are clipped to a window that closes towards the ends of travel and towards the largest speed, as in the soft limits of
 /// `ros2_control`: `velocity_gain·(v_bound − v)` with `v_bound = position_gain·(end − q)`. A command that is not clipped passes bit by bit.
-/// The window is that of the state read last through this decorator.
+/// The window is that of the state read last through this decorator, and time for the effort rate passes as its stamps do: what the
+/// commander says of time counts for nothing. An effort may fall to zero at any rate.
 #[derive(Debug, Clone)]
 pub struct Limiter<B> {
     inner: B,
@@ -88,6 +89,7 @@ pub struct Limiter<B> {
     state: Option<StateFrame>,
     /// Efforts sent last.
     sent: [f64; MAX_AXES],
+    /// Newest stamp of a state when they were sent.
     sent_ns: Option<u64>,
     clipped: u32,
     clips: u64,
@@ -132,9 +134,15 @@ impl<B: Backend> Limiter<B> {
         &mut self.inner
     }
 
+    /// Stamp of the state read last `[ns]`.
+    fn stamp_ns(&self) -> u64 {
+        self.state.map_or(0, |state| state.stamp_ns)
+    }
+
     /// The efforts nearest to `command`'s that the limits allow.
     fn limited(&self, command: &CommandFrame) -> Result<[f64; MAX_AXES], HalError> {
-        let passed = self.sent_ns.map_or(0, |ns| command.stamp_ns.saturating_sub(ns)).min(LONGEST_PERIOD_NS);
+        // The first command comes as after a pause, from rest.
+        let passed = self.sent_ns.map_or(LONGEST_PERIOD_NS, |ns| self.stamp_ns().saturating_sub(ns)).min(LONGEST_PERIOD_NS);
         let dt = passed as f64 * 1e-9;
         let mut tau = [0.0; MAX_AXES];
         for (i, tau) in tau.iter_mut().enumerate().take(self.inner.n_axes()) {
@@ -147,9 +155,8 @@ impl<B: Backend> Limiter<B> {
             } else {
                 (-limits.effort, limits.effort)
             };
-            // Before the first command the drive is taken to be at rest; its first effort is not rated.
-            let most = if self.sent_ns.is_none() || limits.effort_rate.is_infinite() { f64::INFINITY } else { limits.effort_rate * dt };
-            let rated = command.tau[i].clamp(self.sent[i] - most, self.sent[i] + most);
+            let most = if limits.effort_rate.is_infinite() { f64::INFINITY } else { limits.effort_rate * dt };
+            let rated = command.tau[i].clamp((self.sent[i] - most).min(0.0), (self.sent[i] + most).max(0.0));
             // The window comes last: it protects the limb, the rate only the drive.
             *tau = rated.clamp(low, high.max(low));
         }
@@ -188,8 +195,13 @@ impl<B: Backend> Backend for Limiter<B> {
         self.clipped = clipped;
         self.clips += u64::from(clipped != 0);
         self.sent = if mode == Mode::Effort { allowed.tau } else { [0.0; MAX_AXES] };
-        self.sent_ns = Some(command.stamp_ns);
+        // States that come out of order give no time twice.
+        self.sent_ns = self.sent_ns.max(Some(self.stamp_ns()));
         Ok(())
+    }
+
+    fn sent(&self) -> Option<&[f64; MAX_AXES]> {
+        self.inner.sent().or(Some(&self.sent))
     }
 }
 
@@ -241,14 +253,30 @@ mod tests {
     fn efforts_change_no_faster_than_their_rate_and_a_pause_is_no_licence() {
         let clock = ManualClock::new(0);
         let mut limiter = Limiter::try_new(Loopback::new(1, &clock), &[AxisLimits { velocity: 1e3, ..KNEE }]).unwrap();
-        limiter.read().unwrap();
-        let mut at = |tau: f64, ms: u64| {
-            asked(&mut limiter, tau, ms * 1_000_000).unwrap();
+        // The commander's own stamps run wild.
+        let mut after = |ms: u64, tau: f64| {
+            clock.advance(ms * 1_000_000);
+            limiter.read().unwrap();
+            asked(&mut limiter, tau, u64::MAX / (1 + ms)).unwrap();
             limiter.read().unwrap().tau[0]
         };
-        let got = [at(0.0, 0), at(10.0, 1), at(10.0, 3), at(-10.0, 4), at(49.0, 10_000)];
-        for (got, want) in got.iter().zip([0.0, 1.0, 3.0, 2.0, 22.0]) {
+        let got = [after(5, 0.0), after(1, 10.0), after(2, 10.0), after(0, 10.0), after(1, -10.0), after(1, -10.0), after(10_000, 49.0)];
+        for (got, want) in got.iter().zip([0.0, 1.0, 3.0, 3.0, 0.0, -1.0, 19.0]) {
             assert!((got - want).abs() < 1e-9, "{got}, not {want}");
+        }
+    }
+
+    #[test]
+    fn a_first_effort_is_rated_and_one_towards_zero_is_not() {
+        let clock = ManualClock::new(0);
+        let mut limiter = Limiter::try_new(Loopback::new(1, &clock), &[AxisLimits { velocity: 1e3, ..KNEE }]).unwrap();
+        limiter.read().unwrap();
+        asked(&mut limiter, 49.0, 0).unwrap();
+        assert!((limiter.read().unwrap().tau[0] - 20.0).abs() < 1e-12);
+        // No time has passed: no more, but as much less as is wished.
+        for (tau, want) in [(49.0, 20.0), (4.0, 4.0), (49.0, 4.0), (-49.0, 0.0)] {
+            asked(&mut limiter, tau, 1_000_000_000).unwrap();
+            assert!((limiter.read().unwrap().tau[0] - want).abs() < 1e-12, "{tau}");
         }
     }
 

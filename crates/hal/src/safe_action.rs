@@ -1,7 +1,7 @@
 //! What a robot does when nobody may command it: zero effort is not always safe, a limb that is held against its weight would fall.
 
 use crate::backend::HalError;
-use crate::frame::{MAX_AXES, Mode, StateFrame};
+use crate::frame::{MAX_AXES, Mode, Signal, StateFrame};
 
 /// What is done with the drives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,24 +60,26 @@ impl SafeAction {
 pub struct Trip {
     /// When `[ns]`.
     pub at_ns: u64,
-    /// The efforts commanded last `[N | N·m]`.
+    /// The efforts sent last `[N | N·m]`.
     pub tau: [f64; MAX_AXES],
-    /// Positions then `[m | rad]`.
-    pub q: [f64; MAX_AXES],
+    /// Positions then `[m | rad]`, where they were measured: elsewhere no spring is hung up.
+    pub q: [Option<f64>; MAX_AXES],
 }
 
 impl SafeAction {
-    /// Mode and efforts at `now_ns` `[ns]` after `trip`; `state` only if it can be trusted now: without it nothing is fed back.
+    /// Mode and efforts at `now_ns` `[ns]` after `trip`; `state` only if it can be trusted now: what it did not measure is not fed back.
     #[must_use]
     pub fn command(&self, trip: &Trip, state: Option<&StateFrame>, now_ns: u64) -> (Mode, [f64; MAX_AXES]) {
         let mut tau = [0.0; MAX_AXES];
         for (i, tau) in tau.iter_mut().enumerate() {
-            let (q, v) = state.map_or((trip.q[i], 0.0), |s| (s.q[i], s.v[i]));
+            let measured = |signal| state.and_then(|s| s.measured(signal, i));
+            let v = measured(Signal::Velocity).unwrap_or(0.0);
+            let stretch = trip.q[i].zip(measured(Signal::Position)).map_or(0.0, |(start, q)| start - q);
             let wanted = match self.kind {
                 SafeKind::Off | SafeKind::Brake => 0.0,
                 SafeKind::Ramp => trip.tau[i] * self.left_of_ramp(now_ns.saturating_sub(trip.at_ns)),
                 SafeKind::Damp => -self.damping[i] * v,
-                SafeKind::Hold => trip.tau[i] + self.stiffness[i] * (trip.q[i] - q) - self.damping[i] * v,
+                SafeKind::Hold => trip.tau[i] + self.stiffness[i] * stretch - self.damping[i] * v,
             };
             // A product of numbers may overflow to none.
             *tau = if wanted.is_finite() { wanted.clamp(-self.effort[i], self.effort[i]) } else { 0.0 };
@@ -100,15 +102,31 @@ mod tests {
     use super::*;
 
     fn first(action: &SafeAction, state: Option<&StateFrame>, now_ns: u64) -> (Mode, f64) {
-        let trip = Trip { at_ns: 1000, tau: [8.0; MAX_AXES], q: [0.5; MAX_AXES] };
+        let trip = Trip { at_ns: 1000, tau: [8.0; MAX_AXES], q: [Some(0.5); MAX_AXES] };
         let (mode, tau) = action.command(&trip, state, now_ns);
         (mode, tau[0])
     }
 
+    fn measured(q: f64, v: f64) -> StateFrame {
+        let mut state = StateFrame { valid_q: 1, valid_v: 1, ..StateFrame::new(1, 0) };
+        (state.q[0], state.v[0]) = (q, v);
+        state
+    }
+
+    #[test]
+    fn what_was_not_measured_is_not_fed_back() {
+        let mut action = SafeAction::new(SafeKind::Hold);
+        (action.stiffness[0], action.damping[0]) = (4.0, 3.0);
+        let state = measured(0.25, -2.0);
+        assert_eq!(first(&action, Some(&StateFrame { valid_q: 0, ..state }), 1000), (Mode::Effort, 8.0 + 6.0));
+        assert_eq!(first(&action, Some(&StateFrame { valid_v: 0, ..state }), 1000), (Mode::Effort, 8.0 + 1.0));
+        let trip = Trip { at_ns: 1000, tau: [8.0; MAX_AXES], q: [None; MAX_AXES] };
+        assert_eq!(action.command(&trip, Some(&state), 1000).1[0], 8.0 + 6.0);
+    }
+
     #[test]
     fn each_kind_is_its_equation() {
-        let mut state = StateFrame::new(1, 0);
-        (state.q[0], state.v[0]) = (0.25, -2.0);
+        let state = measured(0.25, -2.0);
         let mut action = SafeAction::new(SafeKind::Hold);
         (action.stiffness[0], action.damping[0], action.ramp_ns) = (4.0, 3.0, 400);
         assert_eq!(first(&action, Some(&state), 1000), (Mode::Effort, 8.0 + 1.0 + 6.0));
@@ -129,8 +147,7 @@ mod tests {
 
     #[test]
     fn numbers_that_overflow_give_no_effort_and_nonsense_is_refused() {
-        let mut state = StateFrame::new(1, 0);
-        state.v[0] = 1e300;
+        let state = measured(0.0, 1e300);
         let mut action = SafeAction::new(SafeKind::Damp);
         action.damping[0] = 1e300;
         assert_eq!(first(&action, Some(&state), 1000), (Mode::Effort, 0.0));

@@ -40,8 +40,8 @@ impl Session {
         self.sequence
     }
 
-    /// Admits a command to a robot of `n_axes` axes at `now_ns` `[ns]`, or says why not; [`Mode::Arm`] opens the session,
-    /// [`Mode::Off`] ends it.
+    /// Admits a command to a robot of `n_axes` axes at `now_ns` `[ns]`, or says why not; [`Mode::Arm`] opens the session, once: it must
+    /// not lengthen the life of efforts that were commanded before. [`Mode::Off`] ends it.
     ///
     /// # Errors
     /// What is wrong with the command. The session is as before then.
@@ -67,6 +67,9 @@ impl Session {
         }
         if nonce != self.nonce {
             return Err(HalError::ForeignCommander { nonce });
+        }
+        if mode == Mode::Arm {
+            return Err(HalError::AlreadyArmed);
         }
         if sequence <= self.sequence {
             return Err(HalError::Replayed { sequence, last: self.sequence });
@@ -98,6 +101,7 @@ mod tests {
         assert_eq!(admit(0, 1, Mode::Arm, 1050), Err(HalError::ForeignCommander { nonce: 0 }));
         assert_eq!(admit(5, 1, Mode::Arm, 1050), Ok(Mode::Arm));
         assert_eq!(admit(6, 2, Mode::Arm, 1050), Err(HalError::ForeignCommander { nonce: 6 }));
+        assert_eq!(admit(5, 2, Mode::Arm, 1050), Err(HalError::AlreadyArmed));
         assert_eq!(admit(6, 2, Mode::Effort, 1050), Err(HalError::ForeignCommander { nonce: 6 }));
         assert_eq!(admit(5, 2, Mode::Effort, 1100), Ok(Mode::Effort));
         assert_eq!(admit(5, 2, Mode::Effort, 1100), Err(HalError::Replayed { sequence: 2, last: 2 }));

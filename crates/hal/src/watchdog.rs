@@ -2,8 +2,8 @@
 
 use crate::backend::{Backend, HalError};
 use crate::clock::Clock;
-use crate::frame::{CommandFrame, MAX_AXES, Mode, StateFrame, status};
-use crate::safe_action::{SafeAction, Trip};
+use crate::frame::{CommandFrame, MAX_AXES, Mode, Signal, StateFrame, status};
+use crate::safe_action::{SafeAction, SafeKind, Trip};
 use crate::session::Session;
 
 /// Times that a [`Watchdog`] watches.
@@ -55,6 +55,7 @@ pub struct Counts {
 ///
 /// Call [`Backend::read`] once a period whether somebody commands or not: it is there that an expired command or stale state is noticed,
 /// the session ended, and the safe action applied, every period, until somebody arms again with a fresh nonce and sends efforts.
+/// A session that never sent efforts has moved nothing: it ends with the drives off.
 /// A state that is broken, or comes after a newer one, is dropped and the last good one returned instead, until that is stale.
 #[derive(Debug, Clone)]
 pub struct Watchdog<B, C> {
@@ -67,9 +68,13 @@ pub struct Watchdog<B, C> {
     state: Option<StateFrame>,
     /// End of the last admitted command's validity `[ns]`.
     valid_until_ns: u64,
-    /// Efforts commanded last.
+    /// Efforts that the last admitted command came to, as the device's limits let them through.
     tau: [f64; MAX_AXES],
+    /// Whether the session had efforts accepted.
+    has_efforts: bool,
     trip: Option<Trip>,
+    /// Whether the drives have yet to be switched off after a session without efforts.
+    is_off_due: bool,
     /// Sequence of what was last written to the device; safe commands count on from the commander's.
     written: u64,
     counts: Counts,
@@ -79,9 +84,14 @@ impl<B: Backend, C: Clock> Watchdog<B, C> {
     /// Watches over `inner` with `clock`, which must be the one its states are stamped by.
     ///
     /// # Errors
-    /// A safe action whose numbers are negative or none.
+    /// A safe action whose numbers are negative or none, or one that holds with an unbounded effort.
     pub fn try_new(inner: B, clock: C, limits: WatchdogLimits, action: SafeAction) -> Result<Self, HalError> {
         action.check()?;
+        let unbounded = action.effort.iter().take(inner.n_axes()).position(|&effort| effort >= f64::MAX);
+        if let (SafeKind::Hold, Some(axis)) = (action.kind, unbounded) {
+            let limit = "must be bounded: a hold goes on for ever";
+            return Err(HalError::Config { axis, what: "effort", value: f64::MAX, limit });
+        }
         let session = Session::new(limits.horizon_ns);
         Ok(Self {
             inner,
@@ -92,7 +102,9 @@ impl<B: Backend, C: Clock> Watchdog<B, C> {
             state: None,
             valid_until_ns: 0,
             tau: [0.0; MAX_AXES],
+            has_efforts: false,
             trip: None,
+            is_off_due: false,
             written: 0,
             counts: Counts::default(),
         })
@@ -160,8 +172,10 @@ impl<B: Backend, C: Clock> Watchdog<B, C> {
             self.session.end();
             self.counts.trips += 1;
             // A session that was armed after a trip and never sent efforts leaves the first trip's aim in place.
-            if self.trip.is_none() {
-                let q = self.state.map_or([0.0; MAX_AXES], |state| state.q);
+            if self.trip.is_none() && !self.has_efforts {
+                self.is_off_due = true;
+            } else if self.trip.is_none() {
+                let q = core::array::from_fn(|i| self.state.and_then(|state| state.measured(Signal::Position, i)));
                 self.trip = Some(Trip { at_ns: now_ns, tau: self.tau, q });
             }
         }
@@ -212,6 +226,10 @@ impl<B: Backend, C: Clock> Backend for Watchdog<B, C> {
         }
         if let Some(trip) = self.trip {
             self.apply(&trip, state.as_ref().ok(), now_ns)?;
+        } else if self.is_off_due {
+            self.inner.write(&self.own(Mode::Off, now_ns).sealed())?;
+            self.written += 1;
+            self.is_off_due = false;
         }
         match (state, taken) {
             (Ok(mut state), _) => {
@@ -231,6 +249,10 @@ impl<B: Backend, C: Clock> Backend for Watchdog<B, C> {
         self.counts.refused += u64::from(admitted.is_err());
         admitted
     }
+
+    fn sent(&self) -> Option<&[f64; MAX_AXES]> {
+        self.inner.sent()
+    }
 }
 
 impl<B: Backend, C: Clock> Watchdog<B, C> {
@@ -246,15 +268,19 @@ impl<B: Backend, C: Clock> Watchdog<B, C> {
         let before = self.session;
         let mode = self.session.admit(command, self.inner.n_axes(), now_ns)?;
         // Arming moves nothing: the safe action goes on until the first efforts come.
-        if mode != Mode::Arm {
+        if mode == Mode::Arm {
+            self.has_efforts = false;
+        } else {
             let sent = CommandFrame { sequence: self.written + 1, ..*command };
             if let Err(error) = self.inner.write(&sent.sealed()) {
                 self.session = before;
                 return Err(error);
             }
             self.written += 1;
-            self.trip = None;
-            self.tau = if mode == Mode::Effort { command.tau } else { [0.0; MAX_AXES] };
+            (self.trip, self.is_off_due) = (None, false);
+            let passed = self.inner.sent().unwrap_or(&command.tau);
+            self.tau = if mode == Mode::Effort { *passed } else { [0.0; MAX_AXES] };
+            self.has_efforts |= mode == Mode::Effort;
         }
         self.valid_until_ns = command.valid_until_ns;
         Ok(())

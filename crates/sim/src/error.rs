@@ -61,6 +61,12 @@ pub enum SimError {
         /// When `[s]`.
         time: f64,
     },
+    /// A load that a recording states on a link that is none.
+    #[error("the recording states a load on link {link:?} (must be a link of the robot)")]
+    NoLink {
+        /// The link.
+        link: String,
+    },
     /// The motion grew beyond all bounds.
     #[error("the motion diverged at t = {time} s")]
     Diverged {

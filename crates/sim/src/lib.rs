@@ -33,6 +33,7 @@ mod random;
 #[cfg(feature = "rapier")]
 pub mod rapier;
 pub mod reference;
+pub mod replay;
 pub mod rerun;
 pub mod scenario;
 pub mod sensors;

@@ -11,7 +11,7 @@ use pkm_dyn::spatial::{Force, Motion, Pose};
 use pkm_dyn::{Data, math};
 
 use crate::error::SimError;
-use crate::stick_slip::{Contact, solve};
+use crate::stick_slip::{Contact, is_solvable, solve};
 
 /// Something that moves when its drives push.
 ///
@@ -298,6 +298,9 @@ impl Plant for ReducedPlant {
         let inverse = factor.inverse();
         let push = DVector::from_fn(tau.len(), |k, _| h * (tau[k] - self.bias[k]));
         let mut v = DVector::from_column_slice(&self.v) + &inverse * push;
+        if !is_solvable(&self.contacts, &v) {
+            return Err(SimError::Diverged { time: self.time });
+        }
         solve(&mut self.contacts, &inverse, h, &mut v);
         for (&j, contact) in self.resisting.iter().zip(&self.contacts) {
             // A joint that sticks has a velocity of rounding errors: make it the zero it stands for.

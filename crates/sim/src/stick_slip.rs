@@ -35,6 +35,11 @@ impl Contact {
     }
 }
 
+/// Whether velocities and levels are numbers that can be solved with; a stop's highest effort may be infinite.
+pub(crate) fn is_solvable(contacts: &[Contact], v: &DVector<f64>) -> bool {
+    v.iter().all(|v| v.is_finite()) && contacts.iter().all(|c| !c.low.is_nan() && !c.high.is_nan() && c.low < f64::INFINITY)
+}
+
 /// Velocity after a step of `h` `[s]`, from the velocity `v` it would have without contacts and the inverse mass matrix.
 ///
 /// On return `v` and the contacts' efforts satisfy `effort = high` where the joint moves forward, `low` where it moves backward, and
@@ -44,7 +49,7 @@ pub(crate) fn solve(contacts: &mut [Contact], inverse_mass: &DMatrix<f64>, h: f6
     for c in contacts.iter_mut() {
         c.gain.gemv(1.0, inverse_mass, &c.row, 0.0);
         c.gain *= h;
-        c.effort = c.effort.clamp(c.low, c.high);
+        c.effort = c.effort.max(c.low).min(c.high);
         v.axpy(-c.effort, &c.gain, 1.0);
         // A stop has no highest effort.
         scale = [c.low, c.high].into_iter().filter(|x| x.is_finite()).fold(scale, |top, x| top.max(x.abs()));
@@ -57,7 +62,7 @@ pub(crate) fn solve(contacts: &mut [Contact], inverse_mass: &DMatrix<f64>, h: f6
             if response <= 0.0 || is_free {
                 continue;
             }
-            let wanted = (c.effort + (c.row.dot(v) - c.rest) / response).clamp(c.low, c.high);
+            let wanted = (c.effort + (c.row.dot(v) - c.rest) / response).max(c.low).min(c.high);
             let difference = wanted - c.effort;
             v.axpy(-difference, &c.gain, 1.0);
             c.effort = wanted;
@@ -88,6 +93,19 @@ mod tests {
             assert!((v[0] - want).abs() < 1e-18, "push {push}: {}", v[0]);
             assert!((contacts[0].effort - f64::clamp(push, -5.0, 5.0)).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn levels_that_are_no_numbers_are_noticed_and_no_panic() {
+        let inverse_mass = DMatrix::from_element(1, 1, 0.5);
+        for (level, speed) in [(f64::NAN, 1.0), (5.0, f64::NAN), (5.0, f64::INFINITY), (f64::NEG_INFINITY, 1.0)] {
+            let mut v = DVector::from_element(1, speed);
+            let mut contacts = [block(level)];
+            assert!(!is_solvable(&contacts, &v), "{level} {speed}");
+            solve(&mut contacts, &inverse_mass, 1e-3, &mut v);
+        }
+        let stop = Contact { high: f64::INFINITY, low: 0.0, ..block(0.0) };
+        assert!(is_solvable(&[stop, block(5.0)], &DVector::from_element(1, 1.0)));
     }
 
     #[test]

@@ -4,7 +4,7 @@ use pkm_dyn::effects::{Applied, Robot};
 use pkm_dyn::loops::mid_pose;
 use pkm_dyn::model::Model;
 use pkm_dyn::urdf::parse;
-use pkm_sim::{Plant, ReducedPlant};
+use pkm_sim::{ConstrainedOptions, ConstrainedPlant, Integrator, Plant, ReducedPlant};
 
 /// A block of 2 kg on a horizontal rail.
 const BLOCK: &str = r#"<robot name="block"><link name="base"/>
@@ -48,6 +48,23 @@ fn below_the_coulomb_level_a_block_does_not_move_at_all() {
         let push = 4.999 * f64::from(k % 7 - 3) / 3.0;
         plant.step(&[push], 5e-4).unwrap();
         assert_eq!((plant.position()[0].to_bits(), plant.velocity()[0].to_bits()), (0.25_f64.to_bits(), 0.0_f64.to_bits()), "step {k}");
+    }
+}
+
+#[test]
+fn numbers_beyond_all_bounds_are_an_error_not_a_panic() {
+    let robot = pkm_robots::find("serial_arm").expect("a shipped robot");
+    let model = parse(robot.toml, robot.urdf, [robot.toml_name, robot.urdf_name]).expect("shipped robots load").bare;
+    let joints: Vec<&str> = model.actuators.iter().map(|&j| model.joints[j].name.as_str()).collect();
+    let loads: Vec<Stated> = joints.iter().map(|&joint| ("friction_load", joint, &[("mu", 0.1)][..])).collect();
+    let robot = with(&model, &loads);
+    let start = mid_pose(&model);
+    let push = vec![1e300; start.len()];
+    let two_steps = |plant: &mut dyn Plant| plant.step(&push, 1e-3).and_then(|()| plant.step(&push, 1e-3));
+    assert!(two_steps(&mut ReducedPlant::try_new(robot.clone(), &start).unwrap()).is_err());
+    for integrator in [Integrator::Auto, Integrator::RungeKutta] {
+        let options = ConstrainedOptions { integrator, ..ConstrainedOptions::default() };
+        assert!(two_steps(&mut ConstrainedPlant::try_new(robot.clone(), &start, options).unwrap()).is_err());
     }
 }
 

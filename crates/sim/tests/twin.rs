@@ -4,8 +4,9 @@ mod fixture;
 
 use fixture::{shipped, stated};
 use pkm_dyn::effects::Robot;
+use pkm_ident::KnownLoad;
 use pkm_sim::twin::twin;
-use pkm_sim::{ConstrainedOptions, PlantKind, Scenario, SimError, run};
+use pkm_sim::{ConstrainedOptions, PlantKind, Scenario, SimError, rerun, run};
 
 fn quiet() -> Scenario {
     Scenario { duration_s: 3.0, rate_hz: 1000.0, encoder_resolution: 0.0, encoder_noise: 0.0, effort_noise: 0.0, ..Scenario::default() }
@@ -35,6 +36,31 @@ fn a_simulated_recording_replays_with_an_error_of_rounding_and_a_concealed_mass_
         assert!(largest > 0.02, "{largest}");
         assert!((same.duration_s - 3.0).abs() < 1e-12 && same.simulated.len() == well.len());
     }
+}
+
+#[test]
+fn a_rerun_repeats_a_recording_of_any_length_and_with_the_load_it_states() {
+    let robot = Robot::new(shipped("five_bar"), Vec::new());
+    // Lengths at which the mean rate of 1 kHz is not 1000 Hz to the last bit.
+    let rate = |n: usize, dt: f64| (n - 1) as f64 / ((n - 1) as f64 * dt);
+    let lengths: Vec<usize> = (40..400).filter(|&n| rate(n, 1e-3) < 1000.0).take(3).chain([50, 101]).collect();
+    for n in lengths {
+        let mut recorded = run(&robot, &robot, &Scenario { duration_s: (n - 1) as f64 * 1e-3, ..quiet() }, &mut |_| {}).unwrap();
+        recorded.time = (0..recorded.len()).map(|k| k as f64 * 1e-3).collect();
+        let again = rerun([&robot, &robot], &recorded).unwrap();
+        // One control period a sample in both: two would damp the joints by other amounts.
+        let (a, b) = (&recorded.signals["q.shoulder_left"], &again.signals["q.shoulder_left"]);
+        let apart = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(a.len() == b.len() && apart < 1e-7, "{n} samples: {apart:e}");
+    }
+    let mut loaded = run(&robot, &robot, &Scenario { duration_s: 0.1, ..quiet() }, &mut |_| {}).unwrap();
+    let without = twin([&robot, &robot], &loaded, PlantKind::Reduced).unwrap();
+    loaded.meta.load = Some(KnownLoad { link: "distal_left".into(), mass: 2.0, xyz: [0.1, 0.0, 0.0] });
+    let with = twin([&robot, &robot], &loaded, PlantKind::Reduced).unwrap();
+    assert!(with.joints[0].effort.unwrap().rms > without.joints[0].effort.unwrap().rms + 0.01);
+    loaded.meta.load = Some(KnownLoad { link: "tail".into(), mass: 2.0, xyz: [0.0; 3] });
+    assert!(matches!(twin([&robot, &robot], &loaded, PlantKind::Reduced), Err(SimError::NoLink { link }) if link == "tail"));
+    assert!(rerun([&robot, &robot], &loaded).is_err());
 }
 
 #[test]

@@ -2,6 +2,7 @@ use super::*;
 use crate::backends::Loopback;
 use crate::clock::ManualClock;
 use crate::faulty::{Fault, FaultyHal, Injection};
+use crate::limiter::{AxisLimits, Limiter};
 use crate::safe_action::SafeKind;
 
 const MS: u64 = 1_000_000;
@@ -10,7 +11,7 @@ type Dog<'c> = Watchdog<Loopback<&'c ManualClock>, &'c ManualClock>;
 
 fn hold() -> SafeAction {
     let mut action = SafeAction::new(SafeKind::Hold);
-    (action.stiffness[0], action.damping[0]) = (10.0, 1.0);
+    (action.stiffness[0], action.damping[0], action.effort[0]) = (10.0, 1.0, 50.0);
     action
 }
 
@@ -56,6 +57,54 @@ fn a_commander_that_falls_silent_loses_the_robot_and_it_holds() {
     let state = dog.read().unwrap();
     assert_eq!((state.tau[0], state.status & status::SAFE, state.nonce, state.command_sequence), (1.5, 0, 8, 2));
     assert_eq!((dog.counts().refused, dog.counts().trips), (3, 1));
+}
+
+#[test]
+fn a_hold_goes_on_with_what_was_sent_not_with_what_was_wished() {
+    let clock = ManualClock::new(MS);
+    let device = Limiter::try_new(Loopback::new(1, &clock), &[AxisLimits::of_effort(3.0)]).unwrap();
+    let mut dog = Watchdog::try_new(device, &clock, WatchdogLimits::of_period(MS), hold()).unwrap();
+    dog.read().unwrap();
+    send(&mut dog, (7, 1), Mode::Arm, 0.0).unwrap();
+    send(&mut dog, (7, 2), Mode::Effort, 40.0).unwrap();
+    clock.advance(6 * MS);
+    dog.read().unwrap();
+    assert_eq!(dog.trip().map(|trip| trip.tau[0]), Some(3.0));
+    let mut endless = hold();
+    endless.effort[0] = f64::MAX;
+    let refused = Watchdog::try_new(Loopback::new(1, &clock), &clock, WatchdogLimits::of_period(MS), endless);
+    assert!(matches!(refused, Err(HalError::Config { axis: 0, what: "effort", .. })));
+}
+
+#[test]
+fn arming_again_does_not_keep_old_efforts_alive() {
+    let clock = ManualClock::new(MS);
+    let mut dog = dog(&clock);
+    dog.read().unwrap();
+    send(&mut dog, (7, 1), Mode::Arm, 0.0).unwrap();
+    send(&mut dog, (7, 2), Mode::Effort, 3.0).unwrap();
+    clock.advance(4 * MS);
+    dog.read().unwrap();
+    assert_eq!(send(&mut dog, (7, 3), Mode::Arm, 0.0), Err(HalError::AlreadyArmed));
+    clock.advance(2 * MS);
+    assert_eq!(dog.read().unwrap().status & status::SAFE, status::SAFE);
+}
+
+#[test]
+fn an_arm_without_efforts_powers_nothing_when_it_expires() {
+    let clock = ManualClock::new(MS);
+    let mut dog = dog(&clock);
+    dog.inner_mut().place(&[0.5], &[0.4]);
+    dog.read().unwrap();
+    send(&mut dog, (7, 1), Mode::Arm, 0.0).unwrap();
+    clock.advance(6 * MS);
+    for _ in 0..3 {
+        dog.read().unwrap();
+        clock.advance(MS);
+    }
+    let state = dog.read().unwrap();
+    assert_eq!((state.status & (status::POWERED | status::SAFE), state.tau[0], dog.is_armed()), (0, 0.0, false));
+    assert_eq!((dog.counts().trips, dog.trip()), (1, None));
 }
 
 #[test]

@@ -145,7 +145,9 @@ impl Stepper {
             Smooth::Moreau => {
                 let Self { rubs, sticks, stops, touches, .. } = self;
                 let mut modes = Modes { rubs, sticks, stops, touches };
-                self.moreau.step(system, state, push, h, &mut modes).ok_or_else(failed)?;
+                if self.moreau.step(system, state, push, h, &mut modes).is_none() {
+                    return Err(if self.moreau.is_solvable() { failed() } else { SimError::Diverged { time } });
+                }
             }
         }
         if state.v.iter().any(|v| !v.is_finite()) {
@@ -292,6 +294,9 @@ impl Stepper {
 }
 
 fn advance_foreign(system: &mut System, state: &State, h: f64) {
+    if h <= 0.0 {
+        return;
+    }
     for f in 0..system.foreign.len() {
         let found = system.resisting.iter().position(|r| r.has_foreign(f));
         if let Some(r) = found {

@@ -10,7 +10,7 @@ use crate::dae::extension::Stop;
 use crate::dae::system::{State, System};
 use crate::dense::{cholesky, cholesky_solve};
 use crate::plant::levels;
-use crate::stick_slip::{Contact, solve};
+use crate::stick_slip::{Contact, is_solvable, solve};
 
 /// Scratch of [`Moreau::step`].
 #[derive(Debug)]
@@ -58,7 +58,12 @@ impl Moreau {
         }
     }
 
-    /// Moves `state` on by `h` `[s]`. `None` where loops open or nothing has inertia.
+    /// Whether what the last step had to solve for were numbers.
+    pub(crate) fn is_solvable(&self) -> bool {
+        is_solvable(&self.contacts, &self.after)
+    }
+
+    /// Moves `state` on by `h` `[s]`. `None` where loops open, nothing has inertia, or numbers are none.
     ///
     /// Rigid dynamics once, in mid-step [Moreau1988]; springs, dampers and memories as the implicit midpoint rule has them, so that no
     /// stiffness limits the step.
@@ -94,6 +99,9 @@ impl Moreau {
         self.invert(n)?;
         cholesky_solve(&self.factor, self.after.as_mut_slice());
         self.after.iter_mut().zip(&self.before).for_each(|(v, before)| *v += before);
+        if !self.is_solvable() {
+            return None;
+        }
         solve(&mut self.contacts, &self.inverse, h, &mut self.after);
         self.settle_modes(system, modes);
         self.finish(system, state, h)
@@ -121,6 +129,9 @@ impl Moreau {
             let approach = contact.row.dot(&self.after);
             contact.effort = 0.0;
             contact.rest = if stop.side * approach > 0.0 { -stop.restitution * approach } else { 0.0 };
+        }
+        if !self.is_solvable() {
+            return None;
         }
         solve(&mut self.contacts, &self.inverse, 1.0, &mut self.after);
         self.contacts.iter_mut().for_each(|c| (c.rest, c.effort) = (0.0, 0.0));

@@ -240,13 +240,14 @@ impl System {
 
     /// The state of a resisting joint as its laws see it.
     pub(crate) fn joint_state(&self, r: usize, state: &State, v: f64, sign: f64) -> JointState {
-        let Resisting { joint, viscous, .. } = self.resisting[r];
+        let Resisting { joint, viscous, coulomb, .. } = self.resisting[r];
         JointState {
             q: state.q[joint],
             v,
             sign,
             load: state.load[joint],
             viscous,
+            coulomb,
             warmth: state.time,
             time: state.time,
             ..JointState::default()

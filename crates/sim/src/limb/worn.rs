@@ -179,6 +179,20 @@ mod tests {
     }
 
     #[test]
+    fn what_the_plant_tells_is_told_with_the_limb_on() {
+        let robot = pkm_robots::find("five_bar").unwrap();
+        let robot = pkm_dyn::urdf::parse(robot.toml, robot.urdf, [robot.toml_name, robot.urdf_name]).unwrap().robot;
+        let start = pkm_dyn::loops::mid_pose(&robot.model);
+        let mut bare = crate::ReducedPlant::try_new(robot, &start).unwrap();
+        let mut worn = Worn::try_new(bare.clone(), vec![Impedance::FREE; 2], None).unwrap();
+        for plant in [&mut bare as &mut dyn Plant, &mut worn] {
+            plant.step(&[0.1, 0.2], 1e-3).unwrap();
+        }
+        assert!(worn.time().is_some() && worn.time() == bare.time() && worn.stored_energy() == bare.stored_energy());
+        assert!(worn.link_motion(1).is_some() && worn.link_motion(1) == bare.link_motion(1));
+    }
+
+    #[test]
     fn impedances_must_match_the_drives() {
         assert!(Worn::try_new(Block([0.0], [0.0]), Vec::new(), None).is_err());
         let feeding = Impedance { damping: -1.0, ..Impedance::FREE };

@@ -305,10 +305,10 @@ impl RapierPlant {
 
     /// Efforts of friction and effects: those of shafts as rows of the engine and what is left of them, all others as they are.
     fn resist(&mut self, h: f64, kick: f64, since: f64) {
-        let Self { robot, world, coordinates, shafts, resisting, efforts, load, options, .. } = self;
+        let Self { robot, world, coordinates, shafts, resisting, efforts, load, options, time, .. } = self;
         for shaft in shafts {
             let j = shaft.joint;
-            let at = At { q: coordinates.q[j], v: coordinates.velocity(j, since), load: load[j] };
+            let at = At { q: coordinates.q[j], v: coordinates.velocity(j, since), load: load[j], time: *time };
             let bearable = BEARABLE * shaft.least / kick;
             let felt = if shaft.resists { resistance(robot, j, at, options.smoothing, bearable) } else { Resistance::default() };
             efforts[j] -= felt.effort;
@@ -316,7 +316,7 @@ impl RapierPlant {
             world.set_row(shaft.fastening, robot.model.joints[j].kind, row, h);
         }
         for &j in resisting.iter() {
-            let at = At { q: coordinates.q[j], v: coordinates.velocity(j, since), load: load[j] };
+            let at = At { q: coordinates.q[j], v: coordinates.velocity(j, since), load: load[j], time: *time };
             let effort = resistance(robot, j, at, options.smoothing, f64::MAX).effort;
             load[j] = if robot.model.actuators.contains(&j) { efforts[j] - effort } else { 0.0 };
             efforts[j] -= effort;

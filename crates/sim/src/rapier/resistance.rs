@@ -15,6 +15,15 @@ pub(super) struct At {
     pub(super) v: f64,
     /// Effort the rigid model transmits `[N | N·m]`.
     pub(super) load: f64,
+    /// Since the start `[s]`: what warms up does so with it.
+    pub(super) time: f64,
+}
+
+impl At {
+    /// The joint as the laws see it, were it to move at `v` in direction `sign`.
+    fn seen(&self, v: f64, sign: f64) -> JointState {
+        JointState { q: self.q, v, sign, load: self.load, warmth: self.time, time: self.time, ..JointState::default() }
+    }
 }
 
 /// Effort against the motion, `effort + slope·(v_end − v)`.
@@ -34,7 +43,7 @@ pub(super) struct Resistance {
 pub(super) fn resistance(robot: &Robot, j: usize, at: At, width: f64, bearable: f64) -> Resistance {
     let ratio = at.v / width;
     let sign = tanh(ratio);
-    let effort = |v: f64, sign: f64| robot.joint_effort(j, &JointState { q: at.q, v, sign, load: at.load, ..JointState::default() });
+    let effort = |v: f64, sign: f64| robot.joint_effort(j, &at.seen(v, sign));
     let step = QUOTIENT * width;
     let viscous = (effort(at.v + step, sign) - effort(at.v - step, sign)) / (2.0 * step);
     let dry = 0.5 * (effort(at.v, 1.0) - effort(at.v, -1.0));
