@@ -144,7 +144,7 @@ impl Controller {
         Ok(tau.into_pyarray(py))
     }
 
-    /// One period per row of arrays of shape (n_samples, n_drives): the commands, of the same shape.
+    /// One period per row of arrays of shape `(n_samples, n_drives)`: the commands, of the same shape.
     ///
     /// What is left out is as in `step`; every row is one period of `dt` `[s]` after the one before, one of the controller's by default. After a
     /// fault the rest are safe commands.

@@ -35,8 +35,8 @@ pub mod observer;
 pub mod pd_gravity;
 pub mod pd_model;
 pub mod pid;
-pub mod running;
 mod pose_walk;
+pub mod running;
 pub mod tracking_differentiator;
 
 #[cfg(test)]

@@ -53,7 +53,7 @@ impl Default for DriveEquipment {
 #[derive(Debug, Clone, PartialEq)]
 pub enum LimbPlace {
     /// Strapped to a link, with impedances along x, y, z and about them, at rest where the link is when the run begins.
-    Link(usize, [Impedance; 6]),
+    Link(usize, Box<[Impedance; 6]>),
     /// At the drives, one impedance each.
     Drives(Vec<Impedance>),
 }

@@ -144,7 +144,7 @@ fn frozen_state_is_late_after_three_periods_and_trips_after_five() {
 #[test]
 fn lost_reordered_and_broken_states_are_counted_and_bridged() {
     let clock = ManualClock::new(MS);
-    let nan = Fault::NotANumber { signal: crate::Signal::Position, axis: 0 };
+    let nan = Fault::NotANumber { signal: Signal::Position, axis: 0 };
     let script = [
         Injection { from: 5, to: 6, fault: Fault::Drop },
         Injection { from: 8, to: 9, fault: nan },

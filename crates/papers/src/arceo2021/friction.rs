@@ -20,18 +20,21 @@ const SECONDS: f64 = 20.0;
 
 const EVEN: &str = "v11 d'^2 has no sign of the speed: it feeds power in one direction and takes it in the other; a friction law is odd";
 
+/// The paper's coordinates and their rates.
+type State = ([f64; 3], [f64; 3]);
+
 /// Rows of friction.
 pub(super) fn rows() -> Vec<Row> {
-    let states: Vec<([f64; 3], [f64; 3])> = (0..=SAMPLES)
+    let states: Vec<State> = (0..=SAMPLES)
         .map(|i| {
             let [d, v, _] = beat(SECONDS * i as f64 / SAMPLES as f64);
             let q = FITTED.inverse_kinematics(FITTED.phi_at(d));
             (q, FITTED.rates(q, v))
         })
         .collect();
-    let average = |f: &dyn Fn(&([f64; 3], [f64; 3])) -> f64| mean(&states.iter().map(f).collect::<Vec<_>>());
+    let average = |f: &dyn Fn(&State) -> f64| mean(&states.iter().map(f).collect::<Vec<_>>());
     // A constant force F drives the voltage by F·t/b0.
-    let drift = |f: &dyn Fn(&([f64; 3], [f64; 3])) -> f64| average(f) * SECONDS / B0;
+    let drift = |f: &dyn Fn(&State) -> f64| average(f) * SECONDS / B0;
     let even = drift(&|(_, v)| FRICTION[0][0] * v[0] * v[0]);
     let centrifugal = drift(&|(q, v)| FITTED.coriolis(*q, *v)[0]);
     let projected = drift(&|(q, v)| Vector3::from(FITTED.rates(*q, 1.0)).dot(&polynomial(&FRICTION, *v)));

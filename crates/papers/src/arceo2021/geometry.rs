@@ -103,7 +103,7 @@ impl Geometry {
     }
 
     /// Tree coordinates (d, T1, phi) of the library's model at the paper's q.
-    pub(super) fn to_model(&self, q: [f64; 3]) -> [f64; 3] {
+    pub(super) fn to_model(self, q: [f64; 3]) -> [f64; 3] {
         let home = self.inverse_kinematics(self.phi_at(self.home));
         let (t1, t2) = (q[1] - home[1], q[2] - home[2]);
         [q[0], t1, t1 - t2]

@@ -82,17 +82,20 @@ fn under_force(g: &Geometry, start: f64, gain: f64) -> Vec<f64> {
     out
 }
 
+/// The paper's coordinates; position, velocity and acceleration of the piston.
+type State = ([f64; 3], [f64; 3]);
+
 /// Forces of the robot with Coulomb friction, or with weight, along (11), and what fits of other physics leave of them.
 fn concealed() -> Vec<Row> {
     const COULOMB: f64 = 0.4;
     const GRAVITY: f64 = 9.806;
-    let states: Vec<([f64; 3], [f64; 3])> = (0..2000)
+    let states: Vec<State> = (0..2000)
         .map(|i| {
             let [d, v, a] = beat(0.01 * f64::from(i));
             (FITTED.inverse_kinematics(FITTED.phi_at(d)), [d, v, a])
         })
         .collect();
-    let column = |f: &dyn Fn(&([f64; 3], [f64; 3])) -> f64| states.iter().map(f).collect::<Vec<f64>>();
+    let column = |f: &dyn Fn(&State) -> f64| states.iter().map(f).collect::<Vec<f64>>();
     let rigid = column(&|(q, [_, v, a])| {
         let [mass, force] = FITTED.projected(*q, *v, &SMOOTH);
         mass * a + force

@@ -83,10 +83,9 @@ pub(super) fn rows(progress: &mut dyn FnMut(f64)) -> Result<(Vec<Row>, Plot), Pa
     ];
     rows.extend(reduction(&answer));
     rows.extend(recovered(&answer, &truth.model));
-    let joints = answer.joints.iter().enumerate();
+    let joints = answer.joints.iter();
     let points = |f: &dyn Fn(usize) -> f64| (0..answer.joints.len()).map(|k| ((k + 1) as f64, f(k))).collect();
-    let [nominal, identified]: [Vec<f64>; 2] =
-        [joints.clone().map(|(_, j)| j.nominal).collect(), joints.map(|(_, j)| j.identified).collect()];
+    let [nominal, identified]: [Vec<f64>; 2] = [joints.clone().map(|j| j.nominal).collect(), joints.map(|j| j.identified).collect()];
     let plot = Plot {
         title: "Held-out error of the efforts".to_string(),
         x_label: "drive".to_string(),

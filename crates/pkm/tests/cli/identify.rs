@@ -1,6 +1,8 @@
 //! `pkm identify`: its files, its words, its exit status, what it refuses.
 
-use std::collections::BTreeMap;
+extern crate alloc;
+
+use alloc::collections::BTreeMap;
 use std::fs;
 
 use serde_json::Value;
@@ -119,8 +121,11 @@ fn gains_and_a_payload_are_told_in_words_json_and_page() {
     refused(folder.path(), &nowhere, &["heavy.csv", "no link \"tail\""]);
 }
 
+/// Values of a row by column.
+type Row = BTreeMap<String, f64>;
+
 /// A recording with `change` made to every row: its number, how many there are, and its values by column.
-fn altered(text: &str, change: &dyn Fn(usize, usize, &mut BTreeMap<String, f64>)) -> String {
+fn altered(text: &str, change: &dyn Fn(usize, usize, &mut Row)) -> String {
     let all: Vec<&str> = text.lines().collect();
     let head = all.iter().position(|l| l.starts_with("t,")).unwrap();
     let names: Vec<&str> = all[head].split(',').collect();
@@ -134,7 +139,7 @@ fn altered(text: &str, change: &dyn Fn(usize, usize, &mut BTreeMap<String, f64>)
 }
 
 /// A name, the status, what the note says, and what happens to each row.
-type Poor<'p> = (&'p str, &'p str, &'p [&'p str], &'p dyn Fn(usize, usize, &mut BTreeMap<String, f64>));
+type Poor<'p> = (&'p str, &'p str, &'p [&'p str], &'p dyn Fn(usize, usize, &mut Row));
 
 #[test]
 fn poor_recordings_are_told_with_numbers() {

@@ -139,10 +139,10 @@ fn a_wrench_sensor_shows_what_the_limb_does_to_the_link_within_the_noise_of_its_
     // Both joints turn about y: the limb turns by their sum.
     let turned = |i: usize| [&told["q.j1"], &told["q.j2"]].iter().map(|q| q[i] - q[0]).sum::<f64>();
     let noisy = moved(folder.path(), &format!("{limb}[wrench.cuff]\nmoment = {{ noise = 0.2, bias = 0.5 }}\n"), &[]);
-    for i in 0..told["t"].len() {
+    for (i, t) in told["t"].iter().enumerate() {
         let error = told["wrench.cuff.my"][i] + 5.0 * turned(i);
         // What the limb turns in half a step of 0.5 ms at up to 12 rad/s.
-        assert!(error.abs() < 5.0 * 2.5e-4 * 12.0, "{error} N·m at {} s", told["t"][i]);
+        assert!(error.abs() < 5.0 * 2.5e-4 * 12.0, "{error} N·m at {t} s");
         assert!(["fx", "fy", "fz", "mx", "mz"].iter().all(|c| told[&format!("wrench.cuff.{c}")][i].abs() < 1e-9));
     }
     assert!(rms(told["wrench.cuff.my"].iter().copied()) > 1.0);

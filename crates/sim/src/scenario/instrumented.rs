@@ -132,7 +132,7 @@ fn with_limb(plant: Box<dyn Plant>, nominal: &Robot, equipment: &Equipment, star
     let patient = Some(Patient::try_new(limb.patient, limb.seed)?);
     Ok(match &limb.place {
         LimbPlace::Drives(joints) => Box::new(Worn::try_new(plant, joints.clone(), patient)?),
-        LimbPlace::Link(link, axes) => Box::new(Strapped::try_new(plant, &nominal.model, *link, *axes, &start.q)?.with_patient(patient)),
+        LimbPlace::Link(link, axes) => Box::new(Strapped::try_new(plant, &nominal.model, *link, **axes, &start.q)?.with_patient(patient)),
     })
 }
 

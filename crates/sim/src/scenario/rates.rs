@@ -36,7 +36,7 @@ impl Rates {
     pub(super) fn try_new(scenario: &Scenario, control_hz: Option<f64>) -> Result<Self, SimError> {
         let rate = scenario.rate_hz;
         let (per_sample, per_control) = match control_hz {
-            None => ((BASE_HZ / rate).ceil().max(1.0), 1.0),
+            None => ((BASE_HZ / rate - 1e-6).ceil().max(1.0), 1.0),
             Some(control_hz) => common(rate, control_hz)?,
         };
         if scenario.duration_s * rate * per_sample > MAX_STEPS {
@@ -57,7 +57,7 @@ fn common(rate: f64, control_hz: f64) -> Result<(f64, f64), SimError> {
         if per_control < 1.0 || (control_hz * per_control / (rate * per_sample) - 1.0).abs() > SLACK {
             continue;
         }
-        let times = (BASE_HZ / (rate * per_sample)).ceil().max(1.0);
+        let times = (BASE_HZ / (rate * per_sample) - 1e-6).ceil().max(1.0);
         if rate * per_sample * times > MOST_HZ {
             return Err(bad);
         }

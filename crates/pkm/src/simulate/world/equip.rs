@@ -215,7 +215,10 @@ fn limb(file: &layout::Limb, model: &Model, seed: u64) -> anyhow::Result<LimbEqu
         match strength.get_mut(i).zip(tremor.get_mut(i)) {
             Some((strength, tremor)) => [*strength, *tremor] = own,
             None => {
-                ensure!(own.iter().all(|x| *x <= 0.0), "{path}: a person acts on the first six drives only (strength and tremor must be 0)")
+                ensure!(
+                    own.iter().all(|x| *x <= 0.0),
+                    "{path}: a person acts on the first six drives only (strength and tremor must be 0)"
+                );
             }
         }
     }
@@ -224,7 +227,7 @@ fn limb(file: &layout::Limb, model: &Model, seed: u64) -> anyhow::Result<LimbEqu
         Some(name) => {
             let link = model.links.iter().position(|l| l.name == *name).with_context(|| format!("limb.link = {name:?} (no such link)"))?;
             ensure!(model.links[link].body.is_some(), "limb.link = {name:?} (must be a link that moves)");
-            LimbPlace::Link(link, core::array::from_fn(|i| impedances[i]))
+            LimbPlace::Link(link, Box::new(core::array::from_fn(|i| impedances[i])))
         }
     };
     let layout::Person { will, seed: own, speed, variation, variation_time_s, tremor_hz, tremor_width_hz } = file.person;
