@@ -5,7 +5,7 @@ use pkm_dyn::math;
 use pkm_dyn::urdf::parse;
 use pkm_hal::conformance::{check_device, check_guarded};
 use pkm_hal::frame::status;
-use pkm_hal::{Backend, Clock, CommandFrame, HalError, Mode, SafeAction, SafeKind, Signal, StateFrame, Watchdog, WatchdogLimits};
+use pkm_hal::{Backend, Clock, CommandFrame, HalError, MAX_AXES, Mode, SafeAction, SafeKind, Signal, StateFrame, Watchdog, WatchdogLimits};
 use pkm_sim::actuators::{ActuatorChain, OutputStage, ThreeMass, ThreeMassParameters};
 use pkm_sim::sensors::{Encoder, ForceCell, ForceCellConfig, SamplingConfig, VelocitySensing, VelocitySensor};
 use pkm_sim::{Plant, ReducedPlant, SimBackend, SimDrive, SimError, SimOptions};
@@ -214,7 +214,7 @@ fn an_elastic_drive_pushes_a_free_block_and_its_force_is_seen() {
 
 /// A weight held up by a commander who dies after 100 periods; where it is two seconds later, and whether the HAL says so.
 fn abandoned(kind: SafeKind) -> (f64, StateFrame) {
-    let mut action = SafeAction::new(kind);
+    let mut action = SafeAction { effort: [1e3; MAX_AXES], ..SafeAction::new(kind) };
     (action.stiffness[0], action.damping[0]) = (2000.0, 120.0);
     let device = hardware(Block::new(2.0, 2.0 * 9.81, 0.0), &SimOptions::default());
     let clock = device.clock();
