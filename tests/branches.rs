@@ -1,7 +1,8 @@
 //! One bad sample of the drives, and exact ones after it: the model inside a controller is where the robot is, on the branch it was on.
 
-use pkm_ctrl::force::{PlatformTask, Task, TaskMap};
-use pkm_ctrl::observer::{MomentumObserver, MomentumObserverConfig};
+use pkm_ctrl::force::{Impedance, ImpedanceConfig, PlatformTask, Task, TaskMap};
+use pkm_ctrl::observer::{FirstDifference, MomentumObserver, MomentumObserverConfig};
+use pkm_ctrl::{Controller, FaultCode, Input, Limit, PdModel, PdModelConfig};
 use pkm_dyn::effects::Robot;
 use pkm_dyn::loops::{Output, assemble};
 use pkm_dyn::urdf::parse;
@@ -80,4 +81,29 @@ fn a_momentum_observer_goes_on_where_it_was_after_one_bad_sample() {
             assert!((0..3).all(|k| (after.tau_ext[k] - weight[k]).abs() < 1e-6), "{after:?} {weight:?}");
         }
     }
+}
+
+#[test]
+fn a_controller_says_that_loops_do_not_close_and_one_without_a_fault_that_its_task_is_lost() {
+    let model = robot("prs3").model;
+    let q: [f64; 3] = assembled(&model);
+    let good = Input::standing(q, DT);
+    let mut bad = good;
+    bad.q_meas[0] += 0.5;
+    let gains = PdModelConfig { kp: [1e3; 3], kd: [10.0; 3], tau_limit: [1e3; 3] };
+    let law = PdModel::try_new(robot("prs3"), FirstDifference, gains).expect("numbers in range");
+    let mut state = law.at_rest();
+    let weight = law.step(&mut state, &good).tau;
+    let fault = law.step(&mut state, &bad).health.fault.expect("a fault");
+    assert!(fault.code == FaultCode::LoopGap && fault.value > 1e-6, "{fault}");
+    assert!(law.step(&mut state, &good).tau.iter().zip(weight).all(|(tau, want)| (tau - want).abs() < 1e-9));
+    let platform = Output::named(&model, "platform").expect("the platform");
+    let map = PlatformTask::try_new(model, platform, [2, 3, 4], 0.3).expect("a task");
+    let three = [1e3; 3];
+    let soft = ImpedanceConfig { stiffness: three, damping: [10.0; 3], force_limit: three, tau_limit: three, filter_s: 0.0, dt: DT };
+    let law = Impedance::try_new(map, soft).expect("numbers in range");
+    let mut state = law.at_rest();
+    let lost = [good, bad, good].map(|input| law.step(&mut state, &input).health);
+    assert_eq!(lost.map(|h| h.acted.any(Limit::Singularity)), [false, true, false]);
+    assert!(lost.iter().all(|h| !h.is_faulted));
 }

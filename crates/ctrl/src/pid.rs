@@ -218,10 +218,7 @@ mod tests {
         for bad in [input(f64::NAN, 0.0), input(0.0, 0.1), Input { dt: 0.0, ..input(0.0, 0.1) }] {
             let command = pid.step(&mut state, &bad);
             let fault = command.health.fault.expect("a fault");
-            assert!(
-                command.health.is_faulted && (command.tau[0] - 3.0).abs() < 1e-12 && fault.code == FaultCode::InputNotFinite,
-                "{command:?}"
-            );
+            assert_eq!((command.tau, command.health.is_faulted, fault.code), ([3.0], true, FaultCode::InputNotFinite));
         }
         let late = Fault { code: FaultCode::Period, drive: 0, value: 0.0, limit: 0.0 };
         assert_eq!(pid.step(&mut pid.at_rest(), &Input { dt: 0.0, ..input(0.0, 0.1) }), Command::faulted([0.0], Some(late)));
