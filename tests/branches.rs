@@ -23,7 +23,12 @@ fn assembled<const N: usize>(model: &Model) -> [f64; N] {
 }
 
 /// The task at `q` before one sample with drive `drive` off by `spike`, what that sample says, and the task for ten samples after it.
-fn through<const N: usize, const M: usize>(map: &PlatformTask<M>, q: &[f64; N], drive: usize, spike: f64) -> (bool, Task<N, M>, [Task<N, M>; 10]) {
+fn through<const N: usize, const M: usize>(
+    map: &PlatformTask<M>,
+    q: &[f64; N],
+    drive: usize,
+    spike: f64,
+) -> (bool, Task<N, M>, [Task<N, M>; 10]) {
     let mut state = TaskMap::<N, M>::at_rest(map);
     let before = map.at(&mut state, q).expect("the loops close");
     let mut off = *q;

@@ -150,10 +150,10 @@ fn limits_of_the_robot_act_unless_the_file_has_others() {
     let (health, tau) = step(&format!("{law}[limits]\ntau_limit = [200, 400, 500]\nq_upper = 0.18"), 0.2, 0.15);
     assert!(health.acted.at(Limit::Position, 1), "{health:?}");
     near(tau, [200.0, 400.0, 500.0]);
-    // The joint ends at 0.3 m; a centimetre beyond that is a fault, and the weight is carried: none is known yet.
+    // The joint ends at 0.3 m; a centimetre beyond that is a fault, and the weight is carried from the first step on.
     let (health, tau) = step(law, 0.3, 0.3101);
     let fault = health.fault.expect("outside");
-    assert_eq!((fault.code, fault.drive, fault.value, tau), (FaultCode::Position, 0, 0.3101, [0.0; 3]));
+    assert_eq!((fault.code, fault.drive, fault.value, tau), (FaultCode::Position, 0, 0.3101, [300.0; 3]));
     assert!(step(&format!("{law}[limits]\nq_tolerance = 0.02"), 0.3, 0.3101).0.fault.is_none());
 }
 

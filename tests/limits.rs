@@ -354,7 +354,6 @@ fn unusable_limits_are_refused() {
         LimitsConfig { tau_limit: [f64::INFINITY; 2], ..config() },
         LimitsConfig { brake: [0.0; 2], ..config() },
         LimitsConfig { brake: [f64::INFINITY; 2], ..config() },
-        LimitsConfig { deceleration: [1.0, f64::INFINITY], ..config() },
         LimitsConfig { brake: [f64::INFINITY; 2], q_lower: [f64::NEG_INFINITY; 2], q_upper: [f64::INFINITY; 2], ..config() },
         LimitsConfig { dt: f64::INFINITY, ..config() },
         LimitsConfig { wrench_limit: [0.0; 6], ..config() },

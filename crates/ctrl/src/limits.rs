@@ -32,7 +32,8 @@ pub struct LimitsConfig<const N: usize> {
     pub q_upper: [f64; N],
     /// How far outside its range a drive may be found before that is a fault `[m | rad]`.
     pub q_tolerance: f64,
-    /// Deceleration that each drive surely reaches `[m/s² | rad/s²]`; finite where its range is.
+    /// Deceleration that each drive surely reaches `[m/s² | rad/s²]`; infinity keeps no way to stop: the ends are then those of references,
+    /// and beyond them a fault.
     pub deceleration: [f64; N],
     /// Effort beyond the model's that surely gives it `[N | N·m]`; finite where its range or its speed is limited.
     pub brake: [f64; N],
@@ -167,13 +168,14 @@ impl<const N: usize, I, S> LimitedState<N, I, S> {
     }
 }
 
-/// Refuses what makes the way to stop no number: an infinite brake where there is an end or a speed to stop at.
+/// Refuses what makes the way to stop no number: an infinite brake where there is an end to stop at, or a speed.
 fn check_stopping<const N: usize>(c: &LimitsConfig<N>) -> Result<(), ConfigError> {
     for drive in 0..N {
         let has_end = c.q_lower[drive].is_finite() || c.q_upper[drive].is_finite();
-        let needed = [("deceleration", c.deceleration[drive], has_end), ("brake", c.brake[drive], has_end || c.v_limit[drive].is_finite())];
-        if let Some((what, value, _)) = needed.into_iter().find(|(_, x, is_needed)| *is_needed && !x.is_finite()) {
-            return Err(ConfigError { drive, what, value, limit: "must be finite where there is something to stop at" });
+        let stops = (has_end && c.deceleration[drive].is_finite()) || c.v_limit[drive].is_finite();
+        if stops && !c.brake[drive].is_finite() {
+            let limit = "must be finite where there is something to stop at";
+            return Err(ConfigError { drive, what: "brake", value: c.brake[drive], limit });
         }
     }
     Ok(())
@@ -357,7 +359,7 @@ impl<const N: usize, C: Controller<N>, W: Workspace<N>> Limited<N, C, W> {
             let per_speed = c.brake[k] / (c.deceleration[k] * input.dt);
             let most =
                 if speed > allowed { -c.brake[k].min(0.5 * per_speed * (speed - allowed)) } else { 0.25 * per_speed * (allowed - speed) };
-            if push > most {
+            if c.deceleration[k].is_finite() && push > most {
                 health.acted.note(Limit::Position, k);
                 out = weight + side * most;
             }

@@ -17,7 +17,9 @@ pub(crate) fn walk_if_far<const N: usize>(model: &Model, data: &mut Data, q: &[f
     while parts < MOST_PARTS && f64::from(parts) * STRIDE < far {
         parts += 1;
     }
-    parts == 1 || !model.is_constrained() || walk(model, data, q, parts)
+    // On the way between two poses surplus drives contradict each other: there is no straight way to go.
+    let has_surplus = N > data.n_ind();
+    parts == 1 || has_surplus || !model.is_constrained() || walk(model, data, q, parts)
 }
 
 /// Goes there in as many equal parts.

@@ -126,15 +126,7 @@ pub fn actuated_regressor<'d>(model: &Model, data: &'d mut Data) -> &'d DMatrix<
         let d = a.linear + v.angular.cross(&v.linear);
         let columns = wrench_columns(&x.rotation.tr_mul(&d), &x.rotation.tr_mul(&v.angular), &x.rotation.tr_mul(&a.angular));
         for k in 0..n {
-            let partial = &data.partial_w[i * n + k];
-            // Most drives of an open chain do not move most bodies.
-            if partial.linear.norm_squared() + partial.angular.norm_squared() <= 0.0 {
-                for c in N_INERTIAL * i..N_INERTIAL * (i + 1) {
-                    data.regressor[(k, c)] = 0.0;
-                }
-                continue;
-            }
-            let partial = partial.at(&x.translation);
+            let partial = data.partial_w[i * n + k].at(&x.translation);
             let (linear, angular) = (x.rotation.tr_mul(&partial.linear), x.rotation.tr_mul(&partial.angular));
             columns.project(&linear, &angular, |c, value| data.regressor[(k, N_INERTIAL * i + c)] = value);
         }

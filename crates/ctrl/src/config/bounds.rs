@@ -31,7 +31,7 @@ impl<const N: usize> Bounds<N> {
             q_upper: of(|l| l.upper),
             q_tolerance: TOLERANCE,
             deceleration: free,
-            brake: free,
+            brake: of(|l| l.effort).map(|x| positive(x, f64::MAX)),
             v_limit: of(|l| l.velocity).map(|x| positive(x, f64::INFINITY)),
             tau_limit: of(|l| l.effort).map(|x| positive(x, f64::MAX)),
             tau_rate: free,

@@ -63,7 +63,7 @@ fn force_pid<const M: usize>(root: &Section<'_>, site: &Site<'_>) -> Result<Forc
         kp: gain("kp")?,
         ki: gain("ki")?,
         kd: gain("kd")?,
-        output_limit: limit("output_limit")?,
+        output_limit: limit("output_limit")?.map(|x: f64| x.min(f64::MAX)),
         rate_limit: limit("rate_limit")?,
         filter_s: s.maybe("filter_s", NOT_NEGATIVE)?.unwrap_or(0.0),
         dt: site.dt(),
