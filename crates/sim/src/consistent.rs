@@ -15,22 +15,28 @@ use crate::trajectory::Trajectory;
 /// A motion whose surplus drives follow from the others by the loops.
 pub struct Consistent<'m> {
     model: &'m Model,
+    /// The same robot with as many drives as it has freedoms, the first ones: met in the mean, the rates of all would not be those of the
+    /// positions.
+    leading: Model,
     inner: Box<dyn Trajectory>,
     data: RefCell<Data>,
 }
 
 impl<'m> Consistent<'m> {
-    /// `inner` on `model`; of it only the motion of the independent drives is kept.
+    /// `inner` on `model`; of it only the motion of as many drives as there are freedoms is kept, the first ones.
     ///
     /// # Errors
     /// Loops that do not close where the motion begins.
     pub fn try_new(model: &'m Model, inner: Box<dyn Trajectory>) -> Result<Self, SimError> {
-        let (mut data, mut sample) = (Data::new(model), Sample::default());
+        let mut leading = model.clone();
+        leading.actuators.truncate(Data::new(model).n_ind());
+        let (mut data, mut sample) = (Data::new(&leading), Sample::default());
         inner.at(0.0, &mut sample);
-        for closure in [assemble(model, &mut data), walk_to(model, &mut data, &sample.q)] {
+        sample.q.truncate(leading.n_act());
+        for closure in [assemble(&leading, &mut data), walk_to(&leading, &mut data, &sample.q)] {
             check(&closure, 0.0)?;
         }
-        Ok(Self { model, inner, data: RefCell::new(data) })
+        Ok(Self { model, leading, inner, data: RefCell::new(data) })
     }
 }
 
@@ -38,7 +44,8 @@ impl Trajectory for Consistent<'_> {
     fn at(&self, t: f64, out: &mut Sample) {
         self.inner.at(t, out);
         let data = &mut *self.data.borrow_mut();
-        let is_closed = closed_loop_motion(self.model, data, &out.q, &out.v, &out.a).is_closed;
+        let n = self.leading.n_act();
+        let is_closed = closed_loop_motion(&self.leading, data, &out.q[..n], &out.v[..n], &out.a[..n]).is_closed;
         for (k, &j) in self.model.actuators.iter().enumerate() {
             // Where loops do not close there is no motion: whoever follows it finds no number.
             let motion = [data.q[j], data.v[j], data.a[j]].map(|x| if is_closed { x } else { f64::NAN });
