@@ -97,7 +97,25 @@ fn on<const N: usize>(name: &str) {
     every(&robot, &tuning, &mut Clock { robot: name, rows }).expect("all can be built");
 }
 
+/// What the machine takes from a loop that does nothing but read the clock for a second: gaps of more than a microsecond.
+fn floor() {
+    let (start, mut gaps) = (now(), Vec::new());
+    let mut last = start;
+    while last.duration_since(start).as_secs_f64() < 1.0 {
+        let time = now();
+        let gap = 1e6 * time.duration_since(last).as_secs_f64();
+        if gap > 1.0 {
+            gaps.push(gap);
+        }
+        last = time;
+    }
+    gaps.sort_by(f64::total_cmp);
+    let median = gaps.get(gaps.len() / 2).copied().unwrap_or(0.0);
+    println!("A loop that only reads the clock loses {median:.1} us (median) {} times a second.\n", gaps.len());
+}
+
 fn main() {
+    floor();
     println!("| robot | controller | median, us | p99, us | largest, us |\n|---|---|---|---|---|");
     on::<1>("motobotte");
     on::<2>("five_bar");
