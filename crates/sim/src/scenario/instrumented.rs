@@ -6,7 +6,7 @@ use pkm_hal::{Backend, CommandFrame, HalError, Mode, Signal, StateFrame};
 use pkm_ident::{EffortKind, Recording};
 
 use super::drive_pds::DrivePds;
-use super::pilot::Pilot;
+use super::pilot::{Measured, Pilot};
 use super::rates::Rates;
 use super::{Scenario, Setup, same_mechanism};
 use crate::actuators::{ActuatorChain, ThreeMass};
@@ -63,12 +63,14 @@ pub fn run_instrumented(
         None => Box::new(DrivePds::try_new(&nominal.model, period)?),
     };
     let mut pilot = Pilot::try_new(controller, &nominal.model, period * rates.per_control as f64, &sample)?;
+    pilot.weigh(&sample, 0.0)?;
+    let n = nominal.model.n_act();
     let drives = equipped(truth, equipment, period)?;
     let start: Vec<f64> = sample.q.iter().zip(&drives).map(|(q, d)| d.encoder.true_position(*q)).collect();
     let plant = scenario.plant.build_with_laws(truth, scenario.seed, &start, &sample.v, setup.laws)?;
     let plant = with_limb(plant, nominal, equipment, &sample)?;
     let mut hal = hardware(plant, truth, drives, equipment, period_ns)?;
-    hal.settle(&pilot.command);
+    hal.settle(pilot.weight());
     let mut log = Log::new(&nominal.model, equipment, truth);
     let mut last = hal.read()?;
     for step in 0..=rates.steps {
@@ -81,7 +83,8 @@ pub fn run_instrumented(
         let is_control = step % rates.per_control == 0;
         if is_control {
             let wrench = in_root_axes(&mut hal, &nominal.model, equipment, &frame);
-            pilot.decide(&frame, wrench, &sample, t)?;
+            pilot.weigh(&sample, t)?;
+            pilot.decide(&Measured { q: &frame.q[..n], tau: &frame.tau[..n], wrench }, &sample, t)?;
         }
         if step % rates.per_sample == 0 {
             log.record(t, (!is_lost).then_some(&frame), &sample);

@@ -1,4 +1,4 @@
-//! The controller of a run on simulated hardware: what it is given of a frame, and the efforts it commands.
+//! The controller of a run: what it is given, the efforts it commands, and its fault as an error.
 
 use pkm_ctrl::catalogue::Drives;
 use pkm_ctrl::{Fault, FaultCode, Running, Signals};
@@ -6,17 +6,25 @@ use pkm_dyn::Data;
 use pkm_dyn::inverse_dynamics::inverse_dynamics;
 use pkm_dyn::loops::{assemble, walk_to};
 use pkm_dyn::model::Model;
-use pkm_hal::StateFrame;
 
-use super::world::stopped;
 use crate::error::SimError;
 use crate::plant::check;
 use crate::reference::Sample;
 
+/// What sensors said to a controller since its last step, one entry per drive.
+pub(super) struct Measured<'m> {
+    /// Positions `[m | rad]`.
+    pub(super) q: &'m [f64],
+    /// Efforts `[N | N·m]`.
+    pub(super) tau: &'m [f64],
+    /// Wrench in the root's axes, force first `[N, N·m]`.
+    pub(super) wrench: [f64; 6],
+}
+
 /// A controller with the nominal model whose weight it is fed.
 pub(super) struct Pilot<'r> {
     controller: Box<dyn Running>,
-    nominal: &'r Model,
+    pub(super) nominal: &'r Model,
     data: Data,
     /// Its period `[s]`.
     period: f64,
@@ -40,26 +48,26 @@ impl<'r> Pilot<'r> {
         }
         let zero = vec![0.0; n];
         let (sent, sent_last, command) = (zero.clone(), zero.clone(), zero.clone());
-        let mut pilot = Self { controller, nominal, data, period, zero, sent, sent_last, command };
-        pilot.weigh(start, 0.0)?;
-        pilot.command.copy_from_slice(pilot.data.tau_act.as_slice());
-        Ok(pilot)
+        Ok(Self { controller, nominal, data, period, zero, sent, sent_last, command })
     }
 
-    /// Puts the efforts that hold the nominal robot where `sample` is into `data`; surplus drives share them.
-    fn weigh(&mut self, sample: &Sample, t: f64) -> Result<(), SimError> {
+    /// Efforts that hold the nominal robot where it was last weighed `[N | N·m]`.
+    pub(super) fn weight(&self) -> &[f64] {
+        self.data.tau_act.as_slice()
+    }
+
+    /// Weighs the nominal robot where `sample` is; surplus drives share the efforts.
+    pub(super) fn weigh(&mut self, sample: &Sample, t: f64) -> Result<(), SimError> {
         check(&inverse_dynamics(self.nominal, &mut self.data, &sample.q, &self.zero, &self.zero), t)
     }
 
-    /// One step on the newest frame that arrived and a wrench in the root's axes.
-    pub(super) fn decide(&mut self, frame: &StateFrame, wrench_meas: [f64; 6], sample: &Sample, t: f64) -> Result<(), SimError> {
-        self.weigh(sample, t)?;
-        let n = self.zero.len();
+    /// One step towards `sample`, where the robot was weighed.
+    pub(super) fn decide(&mut self, measured: &Measured<'_>, sample: &Sample, t: f64) -> Result<(), SimError> {
         let signals = Signals {
             dt: self.period,
-            q_meas: &frame.q[..n],
-            tau_meas: &frame.tau[..n],
-            wrench_meas,
+            q_meas: measured.q,
+            tau_meas: measured.tau,
+            wrench_meas: measured.wrench,
             q_ref: &sample.q,
             v_ref: &sample.v,
             a_ref: &sample.a,
@@ -82,4 +90,17 @@ impl<'r> Pilot<'r> {
         self.sent_last.copy_from_slice(&self.sent);
         Ok(())
     }
+}
+
+/// A controller's fault as an error.
+fn stopped(model: &Model, law: &str, time: f64, fault: &Fault) -> SimError {
+    let joint = |k: usize| model.actuators.get(k).map_or(String::new(), |&j| format!(" at joint {:?}", model.joints[j].name));
+    let place = match fault.code {
+        FaultCode::Wrench | FaultCode::WrenchNotFinite => {
+            format!(" in {}", ["fx", "fy", "fz", "mx", "my", "mz"].get(fault.drive).copied().unwrap_or("a component"))
+        }
+        FaultCode::Late | FaultCode::Frozen | FaultCode::Controller => String::new(),
+        _ => joint(fault.drive),
+    };
+    SimError::Fault { law: law.to_string(), code: fault.code, place, time, value: fault.value, limit: fault.limit }
 }
