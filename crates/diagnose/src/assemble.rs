@@ -66,6 +66,7 @@ pub(crate) fn assemble(work: &mut Work, found: &Search, bare: &Model, band: f64,
         findings,
         unexplained,
         minimum_detectable: detectable(work, &moving, settings),
+        replay: Vec::new(),
         refined_model: String::new(),
         notes: notes(work),
     };
@@ -178,6 +179,7 @@ fn finding(work: &Work, fin: &Final, steps: &[Step], (r, pick): (usize, usize), 
         heldout_rms_after: after,
         says: explain::sentence(work, pick, &parameters, [before, after], &same),
         equation: explain::equation(work, pick, &parameters),
+        compensation: explain::compensation(work, pick, &parameters),
         parameters,
         look_alikes,
         cannot_tell_from: same,
@@ -267,6 +269,7 @@ fn evidence(work: &Work, fin: &Final, (nominal, steps, found): (&Left, &[Step], 
         ruled_out,
         null_gain,
         null_runs: settings.null_runs,
+        replay: Vec::new(),
     }
 }
 

@@ -89,6 +89,23 @@ pub struct Screened {
     pub why_not: String,
 }
 
+/// Effort of one drive in a replay, thinned for drawing.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ReplaySeries {
+    /// The recording.
+    pub recording: String,
+    /// The joint.
+    pub joint: String,
+    /// Time `[s]`.
+    pub time: Vec<f64>,
+    /// Measured effort `[N | N·m]`.
+    pub measured: Vec<f64>,
+    /// Effort of the simulated robot as given `[N | N·m]`.
+    pub given: Vec<f64>,
+    /// Effort of the simulated refined robot `[N | N·m]`.
+    pub refined: Vec<f64>,
+}
+
 /// Everything a report shows besides the verdict.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Evidence {
@@ -106,6 +123,8 @@ pub struct Evidence {
     pub null_gain: [f64; 2],
     /// Number of null runs per step.
     pub null_runs: usize,
+    /// Joints × recordings that were replayed in simulation.
+    pub replay: Vec<ReplaySeries>,
 }
 
 /// The robot with every finding in it.

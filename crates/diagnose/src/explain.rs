@@ -1,9 +1,9 @@
 //! Words: a finding as a sentence and an equation a robot engineer can read.
 
-use pkm_dyn::effects::{PlaceKind, Site};
+use pkm_dyn::effects::{Law, PlaceKind, Site};
 use pkm_dyn::model::JointKind;
 
-use crate::verdict::{EffectAt, Estimate};
+use crate::verdict::{Compensation, EffectAt, Estimate};
 use crate::work::Work;
 use alloc::collections::BTreeMap;
 
@@ -84,6 +84,16 @@ pub(crate) fn sentence(
         out += &format!(" These recordings cannot tell it from {shown}{more}.");
     }
     out
+}
+
+/// What a controller does about a finding: whether loading the refined robot is enough, and the rule with its numbers.
+pub(crate) fn compensation(work: &Work, pick: usize, parameters: &BTreeMap<String, Estimate>) -> Compensation {
+    let entry = work.candidates[work.picks[pick].candidate].effect.entry();
+    // What a controller's model computes: rigid bodies, gravity, lengths, and efforts at joints.
+    let in_refined_model = entry.law.is_in_the_model() || matches!(entry.law, Law::JointEffort(_));
+    let order: Vec<&str> = entry.parameters.iter().map(|p| p.name).collect();
+    let says = format!("{}; {}", entry.compensation, values(parameters, &order).join(", "));
+    Compensation { in_refined_model, says }
 }
 
 /// The equation in the form it was fitted.

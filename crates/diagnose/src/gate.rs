@@ -44,6 +44,7 @@ pub(crate) fn unusable(robot: &Robot, motions: &[Motion], reasons: Vec<String>) 
         findings: Vec::new(),
         unexplained: Unexplained::default(),
         minimum_detectable: Vec::new(),
+        replay: Vec::new(),
         refined_model: String::new(),
         says: format!("recording unusable: {}", reasons.join("; ")),
         notes: Vec::new(),

@@ -151,6 +151,9 @@ pub struct Finding {
     /// The equation with its symbols, as fitted.
     #[serde(default)]
     pub equation: String,
+    /// What a controller does about it.
+    #[serde(default)]
+    pub compensation: Compensation,
     /// Considered and rejected.
     pub look_alikes: Vec<LookAlike>,
     /// Cannot be separated from the finding by these recordings.
@@ -190,6 +193,42 @@ pub struct Detectable {
     pub unit: String,
 }
 
+/// One drive of a recording, replayed in simulation under feedback: the robot as given ("before") and the refined one ("after").
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Replay {
+    /// The recording.
+    pub recording: String,
+    /// The drive.
+    pub joint: String,
+    /// What moved the simulated robots, and along what.
+    pub how: String,
+    /// rms of the measured effort about its mean `[N | N·m]`.
+    pub rms_tau: f64,
+    /// rms of measured less simulated effort, as given `[N | N·m]`.
+    pub effort_before: f64,
+    /// The same, refined.
+    pub effort_after: f64,
+    /// rms of measured less simulated position, as given `[m | rad]`.
+    pub position_before: f64,
+    /// The same, refined.
+    pub position_after: f64,
+    /// Work of the drive as measured `[J]`.
+    pub work_measured: f64,
+    /// Its work in simulation, as given `[J]`.
+    pub work_before: f64,
+    /// The same, refined.
+    pub work_after: f64,
+}
+
+/// What a controller does about a finding.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Compensation {
+    /// Whether a controller that computes with the refined robot file has it already.
+    pub in_refined_model: bool,
+    /// What to do, with the numbers found.
+    pub says: String,
+}
+
 /// The answer to one diagnosis.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
@@ -211,6 +250,9 @@ pub struct Verdict {
     pub unexplained: Unexplained,
     /// What could not have been seen.
     pub minimum_detectable: Vec<Detectable>,
+    /// Recordings replayed in simulation, drive by drive; empty when nothing was replayed.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub replay: Vec<Replay>,
     /// Path of the refined robot, beside the JSON; empty when none was written.
     pub refined_model: String,
     /// Reasons for `unusable` or `not_repeatable`, else a one-sentence summary.

@@ -6,10 +6,14 @@ use std::process::ExitCode;
 use anyhow::{anyhow, ensure};
 use pkm_diagnose::{Diagnosis, Verdict};
 use pkm_dyn::urdf::Description;
+use pkm_ident::Recording;
 use pkm_report::Style;
 
 use crate::diagnosis::{SettingsArgs, Subject, each_once, json, read_recordings, run as run_engine};
 use crate::outputs::{Outputs, folder};
+use crate::progress::Progress;
+use crate::simulate::controller::ControllerArgs;
+use crate::twins::Simulated;
 use crate::{check, out, robot_file};
 
 /// Arguments of `pkm diagnose`.
@@ -19,6 +23,7 @@ Exit status: 0 the diagnosis ran, 1 with --fail-on-mismatch when something was f
 
 Examples:
   pkm diagnose robot.toml --recording A.csv --holdout B.csv --html out.html
+  pkm diagnose robot.toml --recording A.csv --holdout B.csv --controller controller.toml --html out.html
   pkm diagnose robot.toml --recording A.mcap --recording B.mcap --json out.json --fail-on-mismatch")]
 pub(crate) struct Args {
     /// The robot as it is believed to be: a robot.toml, or the name of a shipped robot.
@@ -40,6 +45,11 @@ pub(crate) struct Args {
     refined: Option<PathBuf>,
     #[command(flatten)]
     settings: SettingsArgs,
+    #[command(flatten)]
+    controller: ControllerArgs,
+    /// Do not replay the judged recordings in simulation.
+    #[arg(long)]
+    no_replay: bool,
     /// Topic of the joint states, where an MCAP file has several.
     #[arg(long, value_name = "TOPIC")]
     topic: Option<String>,
@@ -61,10 +71,19 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let holdout = read_recordings(&args.holdouts, args.topic.as_deref())?;
     let targets = Targets::of(args)?;
     let urdf = args.robot.with_file_name(&description.spec.urdf);
-    let inputs: Vec<&Path> = args.recordings.iter().chain(&args.holdouts).chain([&args.robot, &urdf]).map(PathBuf::as_path).collect();
+    let files = args.recordings.iter().chain(&args.holdouts).chain([&args.robot, &urdf]).map(PathBuf::as_path);
+    let inputs: Vec<&Path> = files.chain(args.controller.path()).collect();
+    // A controller file that cannot be read must not cost the time of a diagnosis.
+    args.controller.read(&description.robot)?;
     let outputs = Outputs::reserve(&targets.all(), &inputs)?;
     let subject = Subject { description: &description, file: &file };
     let mut diagnosis = run_engine(&subject, &train, &holdout, &args.settings.settings(), args.quiet)?;
+    if !args.no_replay {
+        let all: Vec<Recording> = train.into_iter().chain(holdout).collect();
+        let mut progress = Progress::new("replaying in simulation", args.quiet);
+        let twin = Simulated { controller: &args.controller };
+        pkm_diagnose::replay(&mut diagnosis, &description, &all, &twin, &mut |share| progress.update(share));
+    }
     targets.publish(&mut diagnosis, &description, outputs)?;
     if !args.quiet {
         let style = if out::is_coloured() { Style::Colour } else { Style::Plain };

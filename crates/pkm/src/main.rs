@@ -22,6 +22,7 @@ mod seal;
 mod simulate;
 mod trial_null;
 mod twin;
+mod twins;
 mod workspace;
 
 use core::panic::AssertUnwindSafe;

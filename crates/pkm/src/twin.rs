@@ -8,10 +8,10 @@ use pkm_dyn::effects::Robot;
 use pkm_ident::Recording;
 use pkm_report::{Curve, Figure, Ink, Scale, Sheet, Table, Tone, sheet};
 use pkm_sim::Setup;
-use pkm_sim::twin::{Apart, Twin, TwinJoint, twin_with};
+use pkm_sim::twin::{Apart, Follow, Twin, TwinJoint, twin_along};
 use serde_json::{Value, json};
 
-use crate::diagnosis::read_recordings;
+use crate::diagnosis::{positive, read_recordings};
 use crate::outputs::Outputs;
 use crate::simulate::controller::ControllerArgs;
 use crate::simulate::hidden;
@@ -27,6 +27,7 @@ joint: position, effort, and the work of the drive. A robot that was moved by an
 
 Examples:
   pkm twin prs3 --recording A.mcap
+  pkm twin robot.toml --recording A.csv --follow measured --smooth 20
   pkm twin robot.toml --recording A.mcap --with 'payload@platform:mass=5' --html twin.html")]
 pub(crate) struct Args {
     /// A robot.toml, or the name of a shipped robot.
@@ -41,6 +42,12 @@ pub(crate) struct Args {
     controller: ControllerArgs,
     #[command(flatten)]
     plant: PlantArgs,
+    /// What the simulated robot follows: the recorded reference, or the measured motion where none was recorded.
+    #[arg(long, value_enum, default_value_t = FollowArg::Reference)]
+    follow: FollowArg,
+    /// With --follow measured: smooth the motion, without delay, at this frequency [default: not at all].
+    #[arg(long, value_name = "HZ", value_parser = positive)]
+    smooth: Option<f64>,
     /// Topic of the joint states, where an MCAP file has several.
     #[arg(long, value_name = "TOPIC")]
     topic: Option<String>,
@@ -53,6 +60,15 @@ pub(crate) struct Args {
     /// Print JSON.
     #[arg(long)]
     json: bool,
+}
+
+/// What is followed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum FollowArg {
+    /// The columns q_ref and dq_ref.
+    Reference,
+    /// The columns q.
+    Measured,
 }
 
 /// Runs the verb.
@@ -70,8 +86,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let recording = recording.first().ok_or_else(|| anyhow!("no recording"))?;
     let truth = Robot::new(description.bare.clone(), nominal.effects.iter().cloned().chain(added.effects).collect());
     let name = args.recording.display().to_string();
+    let follow = match args.follow {
+        FollowArg::Reference => Follow::Reference,
+        FollowArg::Measured => Follow::Measured(args.smooth.unwrap_or(0.0)),
+    };
     let setup = Setup { robots: [&truth, nominal], laws: added.laws, controller };
-    let found = twin_with(setup, recording, args.plant.kind(args.seed)?).with_context(|| name.clone())?;
+    let found = twin_along(setup, recording, args.plant.kind(args.seed)?, follow).with_context(|| name.clone())?;
     if let Some(target) = &args.html {
         outputs.write(target, &page(&nominal.model.name, recording, &found))?;
     }

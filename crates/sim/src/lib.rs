@@ -60,4 +60,4 @@ pub use rerun::rerun;
 pub use scenario::{Instrumented, PlantKind, Scenario, Setup, needs_states, run, run_along, run_instrumented, run_with};
 pub use shaped::{Shape, Shaped};
 pub use trajectory::{Trajectory, check_limits};
-pub use twin::{Twin, twin, twin_with};
+pub use twin::{Follow, Twin, twin, twin_along, twin_with};

@@ -3,6 +3,8 @@
 use pkm_dyn::effects::Robot;
 use pkm_dyn::parameters::InertialParameters;
 use pkm_ident::Recording;
+use pkm_ident::filter::{LowPass, derivative};
+use pkm_ident::grid::Grid;
 
 use crate::error::SimError;
 use crate::reference::Sample;
@@ -45,6 +47,35 @@ impl RecordedReference {
     }
 }
 
+impl RecordedReference {
+    /// The motion itself as the reference, for recordings that hold none: `q.<joint>` of every drive, smoothed without delay at
+    /// `cutoff_hz`, so that encoder noise is no velocity.
+    ///
+    /// # Errors
+    /// As [`RecordedReference::try_new`].
+    pub fn measured(robot: &Robot, recording: &Recording, cutoff_hz: f64) -> Result<Self, SimError> {
+        let few = SimError::Scenario { what: "samples of the recording", value: recording.len() as f64, limit: "must be at least 3" };
+        let Some(grid) = Grid::over(&recording.time).filter(|g| g.n >= 3) else { return Err(few) };
+        let mut out = Self { q: Vec::new(), v: Vec::new(), time: (0..grid.n).map(|i| grid.dt * i as f64).collect() };
+        for &j in &robot.model.actuators {
+            let name = format!("q.{}", robot.model.joints[j].name);
+            let q = recording.signal(&name).ok_or(SimError::NoSignal { signal: name })?;
+            if !q.iter().any(|x| x.is_finite()) {
+                return Err(SimError::Scenario {
+                    what: "a number of the recording",
+                    value: f64::NAN,
+                    limit: "must be finite for a replay",
+                });
+            }
+            let q = grid.resample(&recording.time, q);
+            let q = if cutoff_hz > 0.0 { LowPass::new(cutoff_hz.min(0.4 / grid.dt), grid.dt).apply(&q) } else { q };
+            out.v.push(derivative(&q, grid.dt));
+            out.q.push(q);
+        }
+        Ok(out)
+    }
+}
+
 impl Trajectory for RecordedReference {
     fn at(&self, t: f64, out: &mut Sample) {
         let last = self.time.len() - 1;
@@ -70,8 +101,9 @@ impl Trajectory for RecordedReference {
     }
 }
 
-/// Mean rate to six digits `[Hz]`: time stamps of whole nanoseconds must not make 1000 Hz a little more.
-pub(crate) fn rate_hz(recording: &Recording) -> f64 {
+/// Mean rate of a recording to six digits `[Hz]`: time stamps of whole nanoseconds must not make 1000 Hz a little more. Replays run at it.
+#[must_use]
+pub fn rate_hz(recording: &Recording) -> f64 {
     let rate = (recording.len().saturating_sub(1)) as f64 / recording.duration();
     let unit = [1e-3, 1e-2, 1e-1].into_iter().find(|unit| rate < 1e6 * unit).unwrap_or(1.0);
     (rate / unit).round() * unit

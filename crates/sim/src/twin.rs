@@ -44,6 +44,17 @@ pub struct Apart {
     pub measured_rms: f64,
 }
 
+/// What the simulated robot is made to follow.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Follow {
+    /// The recorded reference.
+    #[default]
+    Reference,
+    /// The measured motion, for recordings without reference, smoothed at a frequency `[Hz]` (zero: not at all): efforts are those of that
+    /// motion, and positions differ by the tracking error of the simulated run alone.
+    Measured(f64),
+}
+
 /// Moves `truth` along the reference in `recording` under the controller of [`crate::run`], which knows `nominal`, without any noise, and
 /// compares. Gravity and load that the recording states hold for both. Measured positions are the encoders', so effects on the encoders of `truth` are in both.
 ///
@@ -58,8 +69,19 @@ pub fn twin(robots: [&Robot; 2], recording: &Recording, plant: PlantKind) -> Res
 /// # Errors
 /// As [`twin`], and what [`run_with`] adds.
 pub fn twin_with(setup: Setup<'_>, recording: &Recording, plant: PlantKind) -> Result<Twin, SimError> {
+    twin_along(setup, recording, plant, Follow::Reference)
+}
+
+/// As [`twin_with`] along what `follow` says.
+///
+/// # Errors
+/// As [`twin_with`].
+pub fn twin_along(setup: Setup<'_>, recording: &Recording, plant: PlantKind, follow: Follow) -> Result<Twin, SimError> {
     let [truth, nominal] = setup.robots;
-    let reference = RecordedReference::try_new(nominal, recording)?;
+    let reference = match follow {
+        Follow::Reference => RecordedReference::try_new(nominal, recording)?,
+        Follow::Measured(cutoff_hz) => RecordedReference::measured(nominal, recording, cutoff_hz)?,
+    };
     let (truth, nominal) = (under_stated_conditions(truth, recording)?, under_stated_conditions(nominal, recording)?);
     let duration_s = recording.duration();
     let scenario = Scenario {
@@ -73,16 +95,22 @@ pub fn twin_with(setup: Setup<'_>, recording: &Recording, plant: PlantKind) -> R
     };
     let setup = Setup { robots: [&truth, &nominal], ..setup };
     let simulated = run_with(setup, &scenario, &reference, &mut |_| {})?;
+    let first = recording.time.first().copied().unwrap_or(0.0);
+    // A reference must be whole; of a measured motion samples may be missing, and are left out of the comparison.
+    let column = |signal: String| match follow {
+        Follow::Reference => finite(recording, signal),
+        Follow::Measured(_) => recording.signal(&signal).map(<[f64]>::to_vec).ok_or(SimError::NoSignal { signal }),
+    };
     let mut joints = Vec::new();
     for &j in &nominal.model.actuators {
         let name = &nominal.model.joints[j].name;
-        let q = finite(recording, format!("q.{name}"))?;
+        let q = column(format!("q.{name}"))?;
         let at_samples = |signal: &str| -> Vec<f64> {
             let column = simulated.signal(signal).unwrap_or_default();
-            reference.time.iter().map(|&t| between(&simulated.time, column, t)).collect()
+            recording.time.iter().map(|&t| between(&simulated.time, column, t - first)).collect()
         };
         let q_sim = at_samples(&format!("q.{name}"));
-        let tau = recording.signal(&format!("tau.{name}")).is_some().then(|| finite(recording, format!("tau.{name}"))).transpose()?;
+        let tau = recording.signal(&format!("tau.{name}")).is_some().then(|| column(format!("tau.{name}"))).transpose()?;
         let tau_sim = at_samples(&format!("tau.{name}"));
         joints.push(TwinJoint {
             joint: name.clone(),
@@ -94,17 +122,23 @@ pub fn twin_with(setup: Setup<'_>, recording: &Recording, plant: PlantKind) -> R
     Ok(Twin { joints, duration_s, simulated })
 }
 
-fn apart(measured: &[f64], simulated: &[f64]) -> Apart {
-    let difference = || measured.iter().zip(simulated).map(|(m, s)| m - s);
-    let mean = measured.iter().sum::<f64>() / measured.len().max(1) as f64;
-    Apart {
-        rms: rms(difference()),
-        peak: difference().fold(0.0, |top, x| top.max(x.abs())),
-        measured_rms: rms(measured.iter().map(|m| m - mean)),
+impl Twin {
+    /// A signal of the simulated run at times since its beginning, linear between its samples; none where there is no such signal.
+    #[must_use]
+    pub fn at(&self, signal: &str, times: &[f64]) -> Option<Vec<f64>> {
+        let column = self.simulated.signal(signal)?;
+        Some(times.iter().map(|&t| between(&self.simulated.time, column, t)).collect())
     }
+}
+
+fn apart(measured: &[f64], simulated: &[f64]) -> Apart {
+    let difference = || measured.iter().zip(simulated).map(|(m, s)| m - s).filter(|x| x.is_finite());
+    let known = || measured.iter().copied().filter(|x| x.is_finite());
+    let mean = known().sum::<f64>() / known().count().max(1) as f64;
+    Apart { rms: rms(difference()), peak: difference().fold(0.0, |top, x| top.max(x.abs())), measured_rms: rms(known().map(|m| m - mean)) }
 }
 
 /// Work of an effort along its positions, by the trapezoidal rule `[J]`.
 fn work(tau: &[f64], q: &[f64]) -> f64 {
-    tau.windows(2).zip(q.windows(2)).map(|(t, q)| 0.5 * (t[0] + t[1]) * (q[1] - q[0])).sum()
+    tau.windows(2).zip(q.windows(2)).map(|(t, q)| 0.5 * (t[0] + t[1]) * (q[1] - q[0])).filter(|w| w.is_finite()).sum()
 }

@@ -41,3 +41,39 @@ fn what_cannot_be_replayed_is_refused() {
     refused(folder.path(), &["twin", "rig.toml", "--recording", "none.csv"], &["none.csv"]);
     refused(folder.path(), &["twin", "rig.toml", "--recording", "bare.csv", "--with", "payload"], &["--with", "payload"]);
 }
+
+/// Simulates two motions of the heavier rig under a controller, diagnoses them, and returns what the verdict says of each drive's replay.
+fn replayed(controller: &[&str]) -> Vec<Value> {
+    let folder = rig();
+    fs::write(folder.path().join("pd.toml"), "law = \"pd_gravity\"\nrate_hz = 1000.0\nkp = [300.0, 100.0]\nkd = [20.0, 6.0]\n").unwrap();
+    for (file, seed) in [("a.csv", "1"), ("b.csv", "2")] {
+        let made = ["simulate", "rig.toml", "--duration", "8", "--seed", seed, "--hide", MASS, "--controller", "pd.toml", "--out", file];
+        prints(folder.path(), &made);
+    }
+    let diagnose = ["diagnose", "rig.toml", "--recording", "a.csv", "--holdout", "b.csv", "--null-runs", "39", "--json", "v.json", "-q"];
+    prints(folder.path(), &[&diagnose[..], controller].concat());
+    let told: Value = serde_json::from_str(&fs::read_to_string(folder.path().join("v.json")).unwrap()).unwrap();
+    let replay = told["replay"].as_array().unwrap().clone();
+    assert_eq!(replay.len(), 2, "two drives of the one recording that is judged");
+    assert!(replay.iter().all(|r| r["recording"] == "b.csv"));
+    replay
+}
+
+#[test]
+fn the_refined_robot_moves_as_the_recorded_one_did() {
+    let number = |r: &Value, key: &str| r[key].as_f64().unwrap();
+    // Held to the measured motion, efforts are what tells the robots apart.
+    let free = replayed(&[]);
+    assert!(free[0]["how"].as_str().unwrap().contains("measured motion"));
+    // Along the recorded reference under the same controller, positions are as well.
+    let same = replayed(&["--controller", "pd.toml"]);
+    assert!(same[0]["how"].as_str().unwrap().contains("pd.toml"));
+    for r in free.iter().chain(&same) {
+        assert!(number(r, "effort_after") < 0.2 * number(r, "effort_before"), "{r}");
+        let [measured, after] = ["work_measured", "work_after"].map(|key| number(r, key));
+        assert!((measured - after).abs() < 0.05 * measured.abs().max(1.0), "{r}");
+    }
+    for r in &same {
+        assert!(number(r, "position_after") < 0.3 * number(r, "position_before"), "{r}");
+    }
+}

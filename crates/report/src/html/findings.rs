@@ -64,6 +64,9 @@ fn card(finding: &Finding, picture: Option<&str>, largest: f64, null_runs: usize
         put!(out, "<figure>{picture}</figure>");
     }
     out.push_str("</div>");
+    if !finding.compensation.says.is_empty() {
+        put!(out, r#"<p class="soft">For the controller: {}.</p>"#, esc(&finding.compensation.says));
+    }
     out.push_str(&aliases(&finding.cannot_tell_from));
     out.push_str(&look_alikes(&finding.look_alikes));
     out.push_str("</article>");

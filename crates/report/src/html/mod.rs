@@ -6,6 +6,7 @@ mod identification;
 mod joints;
 mod numbers;
 mod page;
+mod replay;
 mod tables;
 mod workspace;
 

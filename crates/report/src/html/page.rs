@@ -3,7 +3,7 @@
 use pkm_diagnose::Diagnosis;
 use pkm_diagnose::verdict::Status;
 
-use super::{esc, findings, joints, numbers, tables};
+use super::{esc, findings, joints, numbers, replay, tables};
 use crate::words;
 
 /// Style sheet of every page.
@@ -62,6 +62,8 @@ fn sections(diagnosis: &Diagnosis) -> Vec<Section> {
         ("findings", "Findings", findings::section(diagnosis)),
         ("unexplained", "What stays unexplained", tables::unexplained(verdict)),
         ("joints", "Measured against model", joints::section(&evidence.joints)),
+        ("replay", "Replayed in simulation", replay::section(verdict, &evidence.replay)),
+        ("compensation", "For the controller", replay::compensation(verdict)),
         ("regimes", "Where the error was, and where it is left", tables::regimes(&evidence.regimes)),
         ("ruled-out", "What was ruled out", tables::ruled_out(evidence)),
         ("detectable", "What could not have been seen", tables::detectable(&verdict.minimum_detectable)),

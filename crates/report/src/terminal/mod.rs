@@ -42,6 +42,7 @@ pub fn terminal(diagnosis: &Diagnosis, style: Style) -> String {
         for finding in &verdict.findings {
             findings::finding(&mut ink, finding, evidence.null_runs);
         }
+        sections::replay(&mut ink, &verdict.replay);
         sections::unexplained(&mut ink, verdict);
         sections::ruled_out(&mut ink, evidence);
         sections::detectable(&mut ink, &verdict.minimum_detectable);

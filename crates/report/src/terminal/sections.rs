@@ -2,7 +2,7 @@
 
 use pkm_diagnose::Verdict;
 use pkm_diagnose::evidence::{ChainStep, Evidence};
-use pkm_diagnose::verdict::{Detectable, Heldout, HeldoutJoint, RecordingUse};
+use pkm_diagnose::verdict::{Detectable, Heldout, HeldoutJoint, RecordingUse, Replay};
 
 use super::ink::{Ink, Tone, bar, clean, left, right, widest};
 use crate::format::{percent, short, significant};
@@ -66,6 +66,28 @@ fn joints(ink: &mut Ink, joints: &[HeldoutJoint]) {
             (Tone::After, &number(j.rms_final)),
             (Tone::Plain, "  "),
             (Tone::Plain, &j.unit),
+        ]);
+    }
+}
+
+/// Recordings replayed in simulation, drive by drive.
+pub(super) fn replay(ink: &mut Ink, replay: &[Replay]) {
+    let Some(first) = replay.first() else { return };
+    ink.heading("Replayed in simulation (rms of measured less simulated)");
+    ink.wrapped("  ", &first.how);
+    let width = widest(replay.iter().map(|r| r.joint.as_str())).max(5);
+    let columns: String = ["effort before", "after", "position before", "after"].map(|h| right(h, 17)).concat();
+    ink.line(&[(Tone::Soft, &format!("  {}{columns}", left("drive", width)))]);
+    for r in replay {
+        let share = |x: f64| right(&percent(x / r.rms_tau), 17);
+        let number = |x: f64| right(&significant(x, 3), 17);
+        ink.line(&[
+            (Tone::Plain, "  "),
+            (Tone::Bold, &left(&clean(&r.joint), width)),
+            (Tone::Before, &share(r.effort_before)),
+            (Tone::After, &share(r.effort_after)),
+            (Tone::Before, &number(r.position_before)),
+            (Tone::After, &number(r.position_after)),
         ]);
     }
 }
