@@ -12,7 +12,7 @@ use crate::detectable::detectable;
 use crate::evidence::{ChainStep, Diagnosis, Evidence, Screened};
 use crate::explain;
 use crate::final_fit::{FinalFit, errors, jackknife_half_width, left_as_given, noise_floor, pooled};
-use crate::leftover::unexplained;
+use crate::leftover::{Views, unexplained};
 use crate::rank::{Step, rank};
 use crate::refine::{Parameters, container, refine};
 use crate::regimes;
@@ -52,8 +52,11 @@ pub(crate) fn assemble(work: &mut Work, found: &Search, bare: &Model, band: f64,
     let refined = refine(work, bare, &fin.readings);
     let heldout = heldout(work, &nominal, &fin.left, band);
     let moving = work.residual(&fin.fit.ids, &fin.fit.theta, work.softness, View::Fit);
-    let unexplained = unexplained(work, &nominal, &fin.left, &moving);
-    let evidence = evidence(work, &fin, (&nominal, &steps, found), settings);
+    let views = Views { nominal: &nominal, left: &fin.left, moving: &moving };
+    let leftover = unexplained(work, &views, &found.last, settings);
+    let mut evidence = evidence(work, &fin, (&nominal, &steps, found), settings);
+    (evidence.dependences, evidence.lines) = (leftover.curves, leftover.lines);
+    let unexplained = leftover.verdict;
     let nothing_missing = findings.is_empty() && !unexplained.present;
     let verdict = Verdict {
         schema: SCHEMA.to_string(),
@@ -269,7 +272,7 @@ fn evidence(work: &Work, fin: &Final, (nominal, steps, found): (&Left, &[Step], 
         ruled_out,
         null_gain,
         null_runs: settings.null_runs,
-        replay: Vec::new(),
+        ..Evidence::default()
     }
 }
 

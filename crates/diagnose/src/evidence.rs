@@ -89,6 +89,38 @@ pub struct Screened {
     pub why_not: String,
 }
 
+/// A leftover against one signal: partial dependence in stretches of equally many rows.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Dependence {
+    /// The drive.
+    pub joint: String,
+    /// Unit of effort, `N` or `N·m`.
+    pub unit: String,
+    /// The signal, as the recordings name it.
+    pub signal: String,
+    /// Mean of the signal in each stretch.
+    pub x: Vec<f64>,
+    /// Mean leftover in each stretch.
+    pub mean: Vec<f64>,
+    /// Two standard errors of that mean.
+    pub error: Vec<f64>,
+}
+
+/// A leftover's amplitude over frequency or order.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Lines {
+    /// The drive.
+    pub joint: String,
+    /// Unit of effort, `N` or `N·m`.
+    pub unit: String,
+    /// What the lines are over, with unit.
+    pub over: String,
+    /// Frequency or order.
+    pub x: Vec<f64>,
+    /// Amplitude there.
+    pub amplitude: Vec<f64>,
+}
+
 /// Effort of one drive in a replay, thinned for drawing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ReplaySeries {
@@ -123,6 +155,10 @@ pub struct Evidence {
     pub null_gain: [f64; 2],
     /// Number of null runs per step.
     pub null_runs: usize,
+    /// What stays unexplained, against the signals it depends on.
+    pub dependences: Vec<Dependence>,
+    /// What stays unexplained, by frequency and by order.
+    pub lines: Vec<Lines>,
     /// Joints × recordings that were replayed in simulation.
     pub replay: Vec<ReplaySeries>,
 }

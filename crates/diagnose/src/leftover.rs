@@ -1,8 +1,10 @@
 //! What is left after every finding: where most of the error stays, and on what it depends.
 
+use crate::contest::Contest;
+use crate::dependence::{Depends, curve, dependences, lines};
+use crate::evidence::{Dependence, Lines};
 use crate::final_fit::{JointError, errors};
-use crate::motion::Motion;
-use crate::settings::UNEXPLAINED_SHARE;
+use crate::settings::{Settings, UNEXPLAINED_SHARE};
 use crate::verdict::Unexplained;
 use crate::work::Work;
 
@@ -10,20 +12,34 @@ use crate::work::Work;
 const LARGE: f64 = 0.2;
 /// Neighbouring rows of filtered white noise correlate by 0.23; above this it is a shape.
 const COLOURED: f64 = 0.5;
-/// Held-out share of the leftover that one signal alone must explain to say the leftover depends on it.
-const DEPENDS: f64 = 0.1;
+/// A dependence is worth words from this many times the size from which an effect is worth a name: what has no name must be plainer.
+const PLAIN: f64 = 2.0;
 
 type Left = [Vec<Vec<f64>>];
 
-/// Judges the leftover of the final model against that of the model as given, standstill included; `moving` is the same leftover as
-/// fits see it, on which dependences are looked for.
-pub(crate) fn unexplained(work: &Work, nominal: &Left, left: &Left, moving: &Left) -> Unexplained {
-    let (before, after) = (errors(work, nominal), errors(work, left));
-    let mut place = Vec::new();
-    let mut depends: Vec<(f64, String)> = Vec::new();
+/// What stays, and the pictures of it.
+pub(crate) struct Leftover {
+    pub(crate) verdict: Unexplained,
+    pub(crate) curves: Vec<Dependence>,
+    pub(crate) lines: Vec<Lines>,
+}
+
+/// The same leftover as the verdict judges it, standstill included, before and after, and as fits see it.
+pub(crate) struct Views<'v> {
+    pub(crate) nominal: &'v Left,
+    pub(crate) left: &'v Left,
+    pub(crate) moving: &'v Left,
+}
+
+/// Judges the leftover of the final model against that of the model as given; `last` are the last decisions, for the best explanation
+/// that was refused.
+pub(crate) fn unexplained(work: &Work, views: &Views, last: &[Contest], settings: &Settings) -> Leftover {
+    let (before, after) = (errors(work, views.nominal), errors(work, views.left));
+    let depends = dependences(work, views.moving, settings);
+    let mut places = Vec::new();
     let (mut sum_before, mut sum_after) = (0.0, 0.0);
     for j in 0..work.design.n_joints {
-        let noise = noise_power(&left[j]);
+        let noise = noise_power(&views.left[j]);
         let power = |e: &JointError| (e.error * e.error - noise).max(0.0);
         if after[j].effort > 0.0 {
             let scale = after[j].effort * after[j].effort;
@@ -31,34 +47,71 @@ pub(crate) fn unexplained(work: &Work, nominal: &Left, left: &Left, moving: &Lef
             sum_after += after[j].error * after[j].error / scale;
         }
         let stays = power(&after[j]) > UNEXPLAINED_SHARE * UNEXPLAINED_SHARE * power(&before[j]) && power(&after[j]) > 0.0;
-        let of_effort = after[j].error / after[j].effort.max(f64::MIN_POSITIVE);
-        let found = dependence(work, j, &moving[j]);
-        let is_shape = of_effort > LARGE && correlation(&left[j]) > COLOURED;
-        let is_function = found.first().is_some_and(|(gain, _)| *gain > DEPENDS) && of_effort > 0.5 * LARGE * LARGE;
-        if stays && (is_shape || is_function) {
-            place.push(work.robot.model.joints[work.robot.model.actuators[j]].name.clone());
-            depends.extend(found.into_iter().filter(|(gain, _)| *gain > 0.5 * DEPENDS));
+        let is_shape = after[j].error > LARGE * after[j].effort.max(f64::MIN_POSITIVE) && correlation(&views.left[j]) > COLOURED;
+        let is_function = depends[j].iter().any(|d| is_plain(d, (before[j], after[j]), settings));
+        if (stays && is_shape) || is_function {
+            places.push(j);
         }
     }
-    depends.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut on: Vec<&Depends> =
+        places.iter().flat_map(|&j| depends[j].iter().filter(move |d| is_real(d, settings))).filter(|d| d.gain > 0.0).collect();
+    on.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let mut depends_on: Vec<String> = Vec::new();
-    for (_, name) in depends {
-        if !depends_on.contains(&name) && depends_on.len() < 5 {
-            depends_on.push(name);
+    for d in on {
+        if !depends_on.contains(&d.signal) && depends_on.len() < 5 {
+            depends_on.push(d.signal.clone());
         }
     }
     let share = if sum_before > 0.0 { (sum_after / sum_before).min(1e6) } else { 0.0 };
-    let says = if place.is_empty() {
-        String::new()
+    let says = sentence(work, &places, &depends_on, last);
+    let pictured = |j: usize| depends[j].iter().filter(|d| is_real(d, settings)).take(3).map(move |d| (j, d.signal.clone()));
+    let curves = places.iter().flat_map(|&j| pictured(j)).filter_map(|(j, s)| curve(work, j, views.moving, &s)).collect();
+    let lines = places.iter().flat_map(|&j| lines(work, j, views.moving)).collect();
+    let names = places.iter().map(|&j| drive_name(work, j)).collect();
+    Leftover {
+        verdict: Unexplained { present: !places.is_empty(), share_of_residual: share, place: names, depends_on, says },
+        curves,
+        lines,
+    }
+}
+
+fn drive_name(work: &Work, joint: usize) -> String {
+    work.robot.model.joints[work.robot.model.actuators[joint]].name.clone()
+}
+
+/// More than chance, over all signals and joints at once.
+fn is_real(d: &Depends, settings: &Settings) -> bool {
+    d.p_value <= settings.confirm_level
+}
+
+/// Real, large enough to be felt, and a share of what was there at first that would be worth a name.
+fn is_plain(d: &Depends, (before, after): (JointError, JointError), settings: &Settings) -> bool {
+    let is_worth = d.size * d.size > settings.floor * before.error * before.error;
+    is_real(d, settings) && is_worth && d.size > PLAIN * settings.tolerance * after.effort
+}
+
+fn sentence(work: &Work, places: &[usize], depends_on: &[String], last: &[Contest]) -> String {
+    if places.is_empty() {
+        return String::new();
+    }
+    let on = if depends_on.is_empty() {
+        "no single signal explains it".to_string()
     } else {
-        let on = if depends_on.is_empty() {
-            "no single signal explains it".to_string()
-        } else {
-            format!("it varies with {}", depends_on.join(", "))
-        };
-        format!("most of the error at {} stays, and nothing in the library explains it; {on}", place.join(", "))
+        format!("it varies with {}", depends_on.join(", "))
     };
-    Unexplained { present: !place.is_empty(), share_of_residual: share, place, depends_on, says }
+    let names: Vec<String> = places.iter().map(|&j| drive_name(work, j)).collect();
+    let is_there = |c: usize| work.candidates[c].scope.iter().any(|j| places.contains(j)) && !work.picks.iter().any(|p| p.candidate == c);
+    let rivals = last.iter().flat_map(|c| &c.scores).filter(|s| is_there(s.candidate) && s.gain > 0.0);
+    let best = rivals.max_by(|a, b| a.gain.total_cmp(&b.gain)).map_or(String::new(), |s| {
+        let c = &work.candidates[s.candidate];
+        format!(
+            "; the nearest name, {} at {}, would take away {:.0} % of its square and is refused",
+            c.effect_name(),
+            c.name,
+            100.0 * s.gain
+        )
+    });
+    format!("most of the error at {} stays, and nothing in the library explains it; {on}{best}", names.join(", "))
 }
 
 /// Mean square of the part of a leftover that looks white.
@@ -80,50 +133,4 @@ fn correlation(left: &[Vec<f64>]) -> f64 {
         square += x.iter().map(|v| v * v).sum::<f64>();
     }
     if square > 0.0 { product / square } else { 0.0 }
-}
-
-/// A raw signal of a drive.
-type Signal = fn(&Motion, usize) -> &Vec<f64>;
-
-/// Signals the leftover of a joint depends on: held-out share that a step function of the signal, fitted on the other rows, explains.
-fn dependence(work: &Work, joint: usize, left: &[Vec<f64>]) -> Vec<(f64, String)> {
-    let model = &work.robot.model;
-    let mut out = Vec::new();
-    for (k, &j) in model.actuators.iter().enumerate() {
-        let name = &model.joints[j].name;
-        let signals: [(&str, Signal); 3] =
-            [("q", |m, k| &m.segment.q[k]), ("dq", |m, k| &m.segment.v[k]), ("tau_model", |m, k| &m.rigid[k])];
-        for (kind, signal) in signals {
-            let values: Vec<Vec<f64>> = (0..work.motions.len())
-                .map(|s| {
-                    let (grid, raw) = (&work.design.fine[s], signal(&work.motions[s], k));
-                    (0..work.design.rows[s].time.len()).map(|i| raw[grid.raw_index(i).min(raw.len() - 1)]).collect()
-                })
-                .collect();
-            out.push((explained_by(work, joint, left, &values), format!("{kind}.{name}")));
-        }
-    }
-    out.sort_by(|a, b| b.0.total_cmp(&a.0));
-    out
-}
-
-fn explained_by(work: &Work, joint: usize, left: &[Vec<f64>], values: &[Vec<f64>]) -> f64 {
-    const BINS: usize = 12;
-    let mut rows: Vec<(f64, f64, bool)> = Vec::new();
-    for (s, r) in work.design.rows.iter().enumerate() {
-        for i in (0..r.time.len()).filter(|&i| r.valid[i] && r.moving[joint][i]) {
-            rows.push((values[s][i], left[s][i], r.fold[i].is_some()));
-        }
-    }
-    rows.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let (mut before, mut after) = (0.0, 0.0);
-    for bin in rows.chunks(rows.len().div_ceil(BINS).max(1)) {
-        let fitted: Vec<f64> = bin.iter().filter(|r| r.2).map(|r| r.1).collect();
-        let mean = fitted.iter().sum::<f64>() / fitted.len().max(1) as f64;
-        for r in bin.iter().filter(|r| !r.2) {
-            before += r.1 * r.1;
-            after += (r.1 - mean) * (r.1 - mean);
-        }
-    }
-    if before > 0.0 { 1.0 - after / before } else { 0.0 }
 }

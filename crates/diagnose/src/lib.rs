@@ -11,6 +11,7 @@ mod assemble;
 mod columns;
 mod confirm;
 mod contest;
+mod dependence;
 mod design;
 mod detectable;
 mod engine;

@@ -3,6 +3,8 @@
 //! Velocities come from positions. A recorded `dq` is often a filtered register that lags by many milliseconds, and a lag of the
 //! velocity looks like damping.
 
+use alloc::collections::BTreeMap;
+
 use pkm_dyn::effects::{Law, Robot};
 use pkm_ident::filter::{LowPass, derivative};
 use pkm_ident::grid::Grid;
@@ -27,6 +29,8 @@ pub(crate) struct Segment {
     pub(crate) tau: Vec<Vec<f64>>,
     /// Temperature above that of the first sample `[°C]`; empty where none is recorded.
     pub(crate) warmth: Vec<Vec<f64>>,
+    /// Columns of the recording that no model uses, by name.
+    pub(crate) extra: BTreeMap<String, Vec<f64>>,
     /// Raw samples that may be used: measured, not in a gap.
     pub(crate) valid: Vec<bool>,
     /// Gravity stated for this recording, if the base was tilted on purpose `[m/s²]`.
@@ -142,8 +146,41 @@ fn segment(raw: Raw, r: &Recording, used: Use, band: f64) -> Segment {
         a,
         tau: raw.tau,
         warmth: raw.warmth,
+        extra: extra(&raw.grid, r),
         valid: raw.valid,
         gravity: r.meta.gravity,
         load: r.meta.load.clone(),
     }
+}
+
+/// Columns that say something else than the model's own variables do, on the grid. A column that repeats an effort by gain or sign is a
+/// copy of it and would explain itself.
+fn extra(grid: &Grid, r: &Recording) -> BTreeMap<String, Vec<f64>> {
+    const KNOWN: [&str; 11] = ["q", "dq", "ddq", "tau", "q_ref", "dq_ref", "ddq_ref", "q_link", "temp", "wrench", "pose"];
+    let is_known = |name: &str| KNOWN.contains(&name.split('.').next().unwrap_or(name));
+    let efforts: Vec<&Vec<f64>> = r.signals.iter().filter(|(name, _)| name.starts_with("tau.")).map(|(_, x)| x).collect();
+    let columns = r.signals.iter().filter(|(name, x)| !is_known(name) && x.iter().any(|x| x.is_finite()));
+    columns.filter(|(_, x)| !efforts.iter().any(|tau| is_copy(x, tau))).map(|(name, x)| (name.clone(), grid.resample(&r.time, x))).collect()
+}
+
+/// Whether two columns are the same but for gain, sign, offset and a delay of a few samples.
+fn is_copy(x: &[f64], tau: &[f64]) -> bool {
+    const COPY: f64 = 0.98;
+    (0..=LATE).any(|d| correlation(&x[d.min(x.len())..], tau).abs() > COPY || correlation(x, &tau[d.min(tau.len())..]).abs() > COPY)
+}
+
+/// Samples by which a copy may be late.
+const LATE: usize = 20;
+
+/// Correlation of two columns over the samples that both have.
+fn correlation(a: &[f64], b: &[f64]) -> f64 {
+    let pairs = || a.iter().zip(b).filter(|(a, b)| a.is_finite() && b.is_finite());
+    let n = pairs().count().max(1) as f64;
+    let (mean_a, mean_b) = (pairs().map(|(a, _)| a).sum::<f64>() / n, pairs().map(|(_, b)| b).sum::<f64>() / n);
+    let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
+    for (a, b) in pairs() {
+        let (a, b) = (a - mean_a, b - mean_b);
+        (ab, aa, bb) = (ab + a * b, aa + a * a, bb + b * b);
+    }
+    if aa > 0.0 && bb > 0.0 { ab / pkm_dyn::math::sqrt(aa * bb) } else { 0.0 }
 }

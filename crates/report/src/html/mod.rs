@@ -4,6 +4,7 @@ mod escape;
 mod findings;
 mod identification;
 mod joints;
+mod leftover;
 mod numbers;
 mod page;
 mod replay;

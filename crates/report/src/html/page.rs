@@ -3,7 +3,7 @@
 use pkm_diagnose::Diagnosis;
 use pkm_diagnose::verdict::Status;
 
-use super::{esc, findings, joints, numbers, replay, tables};
+use super::{esc, findings, joints, leftover, numbers, replay, tables};
 use crate::words;
 
 /// Style sheet of every page.
@@ -60,7 +60,7 @@ fn sections(diagnosis: &Diagnosis) -> Vec<Section> {
     let all = [
         ("numbers", "Held-out error", numbers::section(diagnosis)),
         ("findings", "Findings", findings::section(diagnosis)),
-        ("unexplained", "What stays unexplained", tables::unexplained(verdict)),
+        ("unexplained", "What stays unexplained", leftover::section(verdict, evidence)),
         ("joints", "Measured against model", joints::section(&evidence.joints)),
         ("replay", "Replayed in simulation", replay::section(verdict, &evidence.replay)),
         ("compensation", "For the controller", replay::compensation(verdict)),

@@ -1,6 +1,5 @@
 //! Heat map and tables: what was ruled out, what was too small to see, what stays, what was recorded.
 
-use pkm_diagnose::Verdict;
 use pkm_diagnose::evidence::{Evidence, RegimeCell, Screened};
 use pkm_diagnose::verdict::{Detectable, RecordingUse};
 
@@ -132,24 +131,6 @@ pub(super) fn detectable(sizes: &[Detectable]) -> String {
         );
     }
     out.push_str("</tbody></table></div>");
-    out
-}
-
-/// What is left after every finding; empty where no model was judged.
-pub(super) fn unexplained(verdict: &Verdict) -> String {
-    let u = &verdict.unexplained;
-    if !u.present && !words::has_heldout(&verdict.heldout) {
-        return String::new();
-    }
-    let class = if u.present { "callout" } else { "card calm" };
-    let mut out = format!(r#"<div class="{class}"><p><b>{}</b></p><dl>"#, esc(words::left_over(u)));
-    put!(out, "<dt>left</dt><dd>{} of the squared error of the model as given</dd>", num(&percent(u.share_of_residual)));
-    for (label, names) in [("where", &u.place), ("depends on", &u.depends_on)] {
-        if !names.is_empty() {
-            put!(out, "<dt>{label}</dt><dd>{}</dd>", esc(&names.join(", ")));
-        }
-    }
-    out.push_str("</dl></div>");
     out
 }
 
