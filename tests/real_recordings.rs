@@ -112,9 +112,22 @@ fn upv_coulomb_friction_is_named_in_the_legs_and_leg_four_stays_unexplained() {
             .unwrap_or_else(|| panic!("a scale at {leg}"));
         assert!(f.cannot_tell_from.iter().any(|a| names.contains(&a.effect.as_str())), "at {leg} a scale cannot be told from a mass");
     }
-    assert!(v.unexplained.present && v.unexplained.place == ["q42"], "{:?}", v.unexplained);
+    assert!(v.unexplained.present && v.unexplained.place.iter().any(|j| j == "q42"), "{:?}", v.unexplained);
     assert!(v.findings.iter().all(|f| f.place != ["q42"] || f.effect == "friction_coulomb"), "only Coulomb friction may be named at q42");
     assert!(v.findings.iter().all(|f| f.confidence < 0.8), "one recording is never confirmed");
+}
+
+#[test]
+fn dvrk_spring_on_the_wrist_is_named_and_halves_what_is_left() {
+    let Some(root) = data("dvrk_mtm") else { return };
+    let robot = load(&root.join("robot.toml")).expect("a readable robot");
+    let v = run(&robot, &[read(&root.join("train.csv"))], &[read(&root.join("test.csv"))], None).verdict;
+    // Wang, Gondokaryono, Munawar, Fischer 2019: the wrist carries a spring on a lever. A wrong gain of the drive is no answer to it.
+    assert!(found(&v, "spring", "wrist_pitch").is_some(), "{}", v.says);
+    assert!(found(&v, "torque_constant", "wrist_pitch").is_none(), "{}", v.says);
+    let wrist = v.heldout.joints.iter().find(|j| j.joint == "wrist_pitch").expect("every drive is judged");
+    // Published with the spring: 19.6 %; without it: 83 %.
+    assert!(wrist.rms_final < 0.26 * wrist.rms_tau, "{} of {}", wrist.rms_final, wrist.rms_tau);
 }
 
 /// The recording's motion with the effort of `robot` itself plus noise: nothing is missing.

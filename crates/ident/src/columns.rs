@@ -98,8 +98,8 @@ pub struct Columns {
     /// Links with mass, in the order of the inertial columns.
     pub links: Vec<usize>,
     bodies: Vec<(usize, nalgebra::SMatrix<f64, N_INERTIAL, N_INERTIAL>)>,
-    /// Rest of every stiffness, order of every wave, by column; zero for other columns.
-    stated: Vec<f64>,
+    /// Rest and curvature of every stiffness, order of every wave, by column; zeros for other columns.
+    stated: Vec<[f64; 2]>,
     /// Friction laws of the robot file whose linear values are columns.
     pub laws: Vec<Applied>,
     /// Values with which a law makes the column of its value number `k`, `alone[law][k]`.
@@ -183,7 +183,7 @@ impl Columns {
         let (mut list, mut stated) = list(robot, &links);
         let laws: Vec<Applied> = robot.effects.iter().filter(|e| is_friction_law(e)).cloned().collect();
         list.extend(laws.iter().enumerate().flat_map(|(l, e)| law_parameters(model, l, e)));
-        stated.resize(list.len(), 0.0);
+        stated.resize(list.len(), [0.0; 2]);
         Self {
             alone: laws.iter().map(|e| (0..e.values.len()).map(|k| alone(e, k)).collect()).collect(),
             laws,
@@ -227,7 +227,7 @@ impl Columns {
             list: (0..N_INERTIAL).map(parameter).collect(),
             links: vec![0],
             bodies: Vec::new(),
-            stated: vec![0.0; N_INERTIAL],
+            stated: vec![[0.0; 2]; N_INERTIAL],
             laws: Vec::new(),
             alone: Vec::new(),
             kept: Vec::new(),
@@ -271,9 +271,13 @@ impl Columns {
                 Quantity::Viscous { joint } => (joint, data.v[joint]),
                 Quantity::Coulomb { joint } => (joint, direction[joint]),
                 Quantity::Offset { joint } => (joint, 1.0),
-                Quantity::Stiffness { joint } => (joint, data.q[joint] - self.stated[c]),
-                Quantity::Wave { joint, part: Part::Sine } => (joint, math::sin(self.stated[c] * data.q[joint])),
-                Quantity::Wave { joint, part: Part::Cosine } => (joint, math::cos(self.stated[c] * data.q[joint])),
+                Quantity::Stiffness { joint } => {
+                    let [rest, curvature] = self.stated[c];
+                    let away = data.q[joint] - rest;
+                    (joint, if curvature > 0.0 { math::sin(curvature * away) / curvature } else { away })
+                }
+                Quantity::Wave { joint, part: Part::Sine } => (joint, math::sin(self.stated[c][0] * data.q[joint])),
+                Quantity::Wave { joint, part: Part::Cosine } => (joint, math::cos(self.stated[c][0] * data.q[joint])),
                 Quantity::Law { joint, law, value } => {
                     let at_drive = model.actuators.iter().position(|&a| a == joint);
                     let load = at_drive.map_or(0.0, |k| load[k] + model.joints[joint].armature * data.a[joint]);
@@ -354,7 +358,7 @@ fn law_parameters(model: &Model, law: usize, e: &Applied) -> Vec<Parameter> {
 }
 
 /// Parameters, and what the robot file states of each that is not estimated.
-fn list(robot: &Robot, links: &[usize]) -> (Vec<Parameter>, Vec<f64>) {
+fn list(robot: &Robot, links: &[usize]) -> (Vec<Parameter>, Vec<[f64; 2]>) {
     let model = &robot.model;
     let mut out = Vec::new();
     for &link in links {
@@ -393,18 +397,18 @@ fn list(robot: &Robot, links: &[usize]) -> (Vec<Parameter>, Vec<f64>) {
     let mut stated = Vec::new();
     for e in robot.effects.iter().filter(|e| e.entry.name == "spring") {
         push(Quantity::Stiffness { joint: e.place }, e.place, "stiffness", Unit::EffortPerPosition, e.values[0], f64::NEG_INFINITY);
-        stated.push(e.values[1]);
+        stated.push([e.values[1], e.values[2]]);
     }
     for e in robot.effects.iter().filter(|e| e.entry.name == "torque_ripple") {
         let [amplitude, order, phase] = [e.values[0], e.values[1], e.values[2]];
         for (part, name, share) in [(Part::Sine, "sine", math::cos(phase)), (Part::Cosine, "cosine", math::sin(phase))] {
             let name = format!("{name}_{order}");
             push(Quantity::Wave { joint: e.place, part }, e.place, &name, Unit::Effort, amplitude * share, f64::NEG_INFINITY);
-            stated.push(order);
+            stated.push([order, 0.0]);
         }
     }
     let before = out.len() - stated.len();
-    let stated = [vec![0.0; before], stated].concat();
+    let stated = [vec![[0.0; 2]; before], stated].concat();
     (out, stated)
 }
 

@@ -71,7 +71,7 @@ fn put(columns: &Columns, theta: &[f64], stated: &[Applied], (model, effects): (
             }
             Quantity::Stiffness { .. } => {
                 if let Some(spring) = springs.next() {
-                    let values = vec![value, spring.values[1]];
+                    let values = vec![value, spring.values[1], spring.values[2]];
                     effects.push(Applied { values, ..spring.clone() });
                 }
             }

@@ -180,7 +180,7 @@ impl Dice<'_> {
             }
             "spring" => {
                 let rest = middle + 0.2 * span * random.uniform(-1.0, 1.0);
-                vec![over(rms(motion.samples.iter().map(|s| s.q[k] - rest))), rest]
+                vec![over(rms(motion.samples.iter().map(|s| s.q[k] - rest))), rest, 0.0]
             }
             "torque_ripple" => {
                 let (cycles, phase) = (random.uniform(3.0, 7.0), random.uniform(-3.0, 3.0));

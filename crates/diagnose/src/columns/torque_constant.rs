@@ -2,6 +2,9 @@
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
 
+/// Torque constants, gears and amplifiers are mistaken for each other's neighbours, not for others several times their size.
+const IMPLAUSIBLE: f64 = 5.0;
+
 /// See the catalogue entry of the same name.
 pub(super) struct Effect;
 
@@ -28,8 +31,10 @@ impl Columns for Effect {
     fn read(&self, view: &View) -> Reading {
         // recorded = acting / scale, so a recorded effort too large by a share x means scale = 1/(1 + x).
         let share = view.own[0];
-        if share <= -0.9 {
-            Err(format!("the effort scale would be {:.2}", 1.0 / (1.0 + share)))
+        let scale = 1.0 / (1.0 + share);
+        // A drive that recorded next to nothing of the model's effort is not scaled: the model's effort is not there.
+        if !(1.0 / IMPLAUSIBLE..IMPLAUSIBLE).contains(&scale) {
+            Err(format!("the effort scale would be {scale:.2}, and no constant is wrong by more than {IMPLAUSIBLE}"))
         } else {
             Ok(vec![("scale", 1.0 / (1.0 + share))])
         }
