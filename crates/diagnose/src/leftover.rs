@@ -1,7 +1,8 @@
 //! What is left after every finding: where most of the error stays, and on what it depends.
 
-use crate::final_fit::{JointError, errors};
+use crate::final_fit::{JointError, errors, white_power};
 use crate::motion::Motion;
+use crate::rows::Rows;
 use crate::settings::UNEXPLAINED_SHARE;
 use crate::verdict::Unexplained;
 use crate::work::Work;
@@ -23,7 +24,7 @@ pub(crate) fn unexplained(work: &Work, nominal: &Left, left: &Left, moving: &Lef
     let mut depends: Vec<(f64, String)> = Vec::new();
     let (mut sum_before, mut sum_after) = (0.0, 0.0);
     for j in 0..work.design.n_joints {
-        let noise = noise_power(&left[j]);
+        let noise = white_power(&work.design.rows, &left[j]);
         let power = |e: &JointError| (e.error * e.error - noise).max(0.0);
         if after[j].effort > 0.0 {
             let scale = after[j].effort * after[j].effort;
@@ -33,7 +34,7 @@ pub(crate) fn unexplained(work: &Work, nominal: &Left, left: &Left, moving: &Lef
         let stays = power(&after[j]) > UNEXPLAINED_SHARE * UNEXPLAINED_SHARE * power(&before[j]) && power(&after[j]) > 0.0;
         let of_effort = after[j].error / after[j].effort.max(f64::MIN_POSITIVE);
         let found = dependence(work, j, &moving[j]);
-        let is_shape = of_effort > LARGE && correlation(&left[j]) > COLOURED;
+        let is_shape = of_effort > LARGE && correlation(&work.design.rows, &left[j]) > COLOURED;
         let is_function = found.first().is_some_and(|(gain, _)| *gain > DEPENDS) && of_effort > 0.5 * LARGE * LARGE;
         if stays && (is_shape || is_function) {
             place.push(work.robot.model.joints[work.robot.model.actuators[j]].name.clone());
@@ -61,23 +62,13 @@ pub(crate) fn unexplained(work: &Work, nominal: &Left, left: &Left, moving: &Lef
     Unexplained { present: !place.is_empty(), share_of_residual: share, place, depends_on, says }
 }
 
-/// Mean square of the part of a leftover that looks white.
-fn noise_power(left: &[Vec<f64>]) -> f64 {
-    let (mut sum, mut n) = (0.0, 0_usize);
-    for w in left.iter().flat_map(|x| x.windows(3)) {
-        let d = w[0] - 2.0 * w[1] + w[2];
-        sum += d * d / 6.0;
-        n += 1;
-    }
-    sum / n.max(1) as f64
-}
-
-/// Correlation of neighbouring rows.
-fn correlation(left: &[Vec<f64>]) -> f64 {
+/// Correlation of neighbouring rows, those in gaps left out.
+fn correlation(rows: &[Rows], left: &[Vec<f64>]) -> f64 {
     let (mut product, mut square) = (0.0, 0.0);
-    for x in left {
-        product += x.windows(2).map(|w| w[0] * w[1]).sum::<f64>();
-        square += x.iter().map(|v| v * v).sum::<f64>();
+    for (rows, x) in rows.iter().zip(left) {
+        let known = |i: usize| rows.valid[i];
+        product += (1..x.len()).filter(|&i| known(i) && known(i - 1)).map(|i| x[i] * x[i - 1]).sum::<f64>();
+        square += (0..x.len()).filter(|&i| known(i)).map(|i| x[i] * x[i]).sum::<f64>();
     }
     if square > 0.0 { product / square } else { 0.0 }
 }

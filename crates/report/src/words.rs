@@ -74,7 +74,10 @@ pub(crate) fn has_heldout(heldout: &Heldout) -> bool {
 pub(crate) mod tests {
     use super::*;
     use pkm_diagnose::evidence::{ChainStep, FindingPlot, JointSeries, RegimeCell, Screened};
-    use pkm_diagnose::verdict::{Detectable, EffectAt, Estimate, Finding, HeldoutJoint, LookAlike, RecordingUse, SCHEMA};
+    use pkm_diagnose::isolability::{Isolability, Seen};
+    use pkm_diagnose::verdict::{
+        Detectable, EffectAt, Estimate, Experiment, Finding, HeldoutJoint, Invisible, LookAlike, PriorGains, RecordingUse, SCHEMA,
+    };
     use pkm_diagnose::{Diagnosis, Evidence};
 
     /// A diagnosis with nothing in it.
@@ -92,6 +95,7 @@ pub(crate) mod tests {
             refined_model: String::new(),
             says: String::new(),
             notes: Vec::new(),
+            ..Verdict::default()
         };
         Diagnosis { verdict, evidence: Evidence::default(), refined: None }
     }
@@ -123,9 +127,14 @@ pub(crate) mod tests {
             equation: name(),
             look_alikes: vec![LookAlike { effect: name(), place: places(), why_not: name(), separating_experiment: name() }],
             cannot_tell_from: vec![EffectAt { effect: name(), place: places(), separating_experiment: name() }],
+            experiments: vec![Experiment { against: name(), place: places(), intervention: name(), cos_now: nan, cos_expected: inf, separates: false, says: name() }],
+            depends_on_prior: Some(PriorGains { anchored: nan, soft: inf, refit: nan, soft_prior: nan, depends: true }),
         }];
         v.unexplained = Unexplained { present: true, share_of_residual: nan, place: places(), depends_on: places(), says: name() };
-        v.minimum_detectable = vec![Detectable { effect: name(), place: places(), parameter: name(), value: inf, unit: name() }];
+        v.minimum_detectable = vec![Detectable { effect: name(), place: places(), parameter: name(), value: inf, unit: name(), says: name() }];
+        v.invisible = vec![Invisible { effect: name(), place: places(), why: name() }];
+        let seen = |kappa| Seen { effect: name(), place: places(), kappa, found: true };
+        v.isolability = Isolability { prior: nan, effects: vec![seen(nan), seen(0.5)], cosines: vec![vec![1.0, nan], vec![inf]] };
         let e = &mut d.evidence;
         let joint = JointSeries { joint: name(), unit: name(), recording: name(), time: vec![0.0, 1.0, nan], ..JointSeries::default() };
         e.joints = vec![JointSeries {
@@ -138,8 +147,8 @@ pub(crate) mod tests {
         e.findings = vec![FindingPlot { x: vec![0.0, nan, 2.0], y: vec![1.0, 2.0, inf], model: vec![1.0], is_heldout: vec![true], ..plot }];
         e.regimes = vec![RegimeCell { joint: name(), regime: name(), share: nan, before: 0.3, after: nan }];
         e.chain = vec![ChainStep { label: name(), heldout_rms: nan }, ChainStep { label: name(), heldout_rms: 0.1 }];
-        e.ruled_out = vec![Screened { effect: name(), place: places(), gain: nan, wins: [1, 2], why_not: name() }];
-        (e.null_gain, e.null_runs) = ([nan, inf], 199);
+        e.ruled_out = vec![Screened { effect: name(), place: places(), gain: nan, surprise: inf, wins: [1, 2], why_not: name() }];
+        (e.null_surprise, e.null_runs) = ([nan, inf], 199);
         d
     }
 

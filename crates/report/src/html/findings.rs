@@ -225,6 +225,7 @@ mod tests {
             equation: String::new(),
             look_alikes: Vec::new(),
             cannot_tell_from: Vec::new(),
+            ..Finding::default()
         };
         assert!(facts(&finding, 199).contains("&gt;\u{a0}99\u{a0}%"));
     }

@@ -69,23 +69,24 @@ pub(super) fn ruled_out(evidence: &Evidence) -> String {
     if evidence.ruled_out.is_empty() {
         return String::new();
     }
-    let [p95, p99] = evidence.null_gain;
+    let [p95, p99] = evidence.null_surprise;
     let mut out = String::new();
     if evidence.null_runs > 0 {
         put!(
             out,
             concat!(
-                "<p class=\"soft\">The gain is the share of the held-out squared error a candidate would take away. Chance alone, the best of all ",
-                "candidates in each of {} null runs, takes away up to {} (95&nbsp;%) or {} (99&nbsp;%).</p>"
+                "<p class=\"soft\">The gain is the share of the held-out squared error a candidate would take away; how far that is above what chance ",
+                "gains for the same candidate is told in standard deviations (σ). Chance alone, the best of all candidates in each of {} null runs, ",
+                "reaches {}&nbsp;σ (95&nbsp;%) or {}&nbsp;σ (99&nbsp;%).</p>"
             ),
             evidence.null_runs,
-            num(&percent(p95)),
-            num(&percent(p99))
+            num(&significant(p95, 2)),
+            num(&significant(p99, 2))
         );
     }
     out.push_str(concat!(
-        r#"<div class="scroll"><table><thead><tr><th>candidate</th><th>where</th><th class="n">gain</th><th class="n">folds won</th>"#,
-        r#"<th>why it is no finding</th></tr></thead><tbody>"#
+        r#"<div class="scroll"><table><thead><tr><th>candidate</th><th>where</th><th class="n">gain</th><th class="n">above chance</th>"#,
+        r#"<th class="n">folds won</th><th>why it is no finding</th></tr></thead><tbody>"#
     ));
     for s in evidence.ruled_out.iter().take(RULED_OUT_MAX) {
         out.push_str(&screened(s));
@@ -100,10 +101,11 @@ pub(super) fn ruled_out(evidence: &Evidence) -> String {
 /// One rejected candidate.
 fn screened(s: &Screened) -> String {
     format!(
-        r#"<tr><th><code>{}</code></th><td>{}</td><td class="n">{}</td><td class="n">{} of {}</td><td class="wide">{}</td></tr>"#,
+        r#"<tr><th><code>{}</code></th><td>{}</td><td class="n">{}</td><td class="n">{} σ</td><td class="n">{} of {}</td><td class="wide">{}</td></tr>"#,
         esc(&s.effect),
         esc(&words::places(&s.place)),
         num(&percent(s.gain)),
+        num(&significant(s.surprise, 2)),
         s.wins[0],
         s.wins[1],
         esc(&s.why_not)

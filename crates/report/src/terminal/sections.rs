@@ -92,10 +92,11 @@ pub(super) fn ruled_out(ink: &mut Ink, evidence: &Evidence) {
     if evidence.ruled_out.is_empty() {
         return;
     }
-    let chance = if evidence.null_runs > 0 { format!("; chance alone: {}", percent(evidence.null_gain[0])) } else { String::new() };
+    let chance = if evidence.null_runs > 0 { format!("; chance alone reaches {} sigma", significant(evidence.null_surprise[0], 2)) } else { String::new() };
     ink.heading(&format!("Ruled out (gain in held-out squared error{chance})"));
     for s in evidence.ruled_out.iter().take(RULED_OUT_MAX) {
-        let start = format!("  {} {} of {}  ", right(&percent(s.gain), 8), s.wins[0], s.wins[1]);
+        let sigma = right(&significant(s.surprise, 2), 7);
+        let start = format!("  {} {sigma} sigma  {} of {}  ", right(&percent(s.gain), 8), s.wins[0], s.wins[1]);
         ink.wrapped(&start, &format!("{}: {}", words::at(&s.effect, &s.place), s.why_not));
     }
     more(ink, evidence.ruled_out.len(), RULED_OUT_MAX);
