@@ -267,7 +267,14 @@ fn evidence(work: &Work, fin: &Final, (nominal, steps, found): (&Left, &[Step], 
         }
         let why_not = if s.why_not.is_empty() { "did not hold on held-out data".to_string() } else { s.why_not.clone() };
         let wins = [s.wins, work.design.n_folds];
-        ruled_out.push(Screened { effect: c.effect_name().to_string(), place: vec![c.name.clone()], gain: s.gain, surprise: s.surprise, wins, why_not });
+        ruled_out.push(Screened {
+            effect: c.effect_name().to_string(),
+            place: vec![c.name.clone()],
+            gain: s.gain,
+            surprise: s.surprise,
+            wins,
+            why_not,
+        });
     }
     ruled_out.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let threshold = |level: f64| found.last.last().map_or(0.0, |c| c.threshold(level));
@@ -314,7 +321,9 @@ fn notes(work: &Work, motions: usize) -> Vec<String> {
         out.push("one recording only: confidence stays below 0.8; give a second one, or --holdout with another motion".to_string());
     } else if motions < 2 {
         let n = work.motions.len();
-        out.push(format!("all {n} recordings repeat one motion: confidence stays below 0.8; record another motion, load or base orientation"));
+        out.push(format!(
+            "all {n} recordings repeat one motion: confidence stays below 0.8; record another motion, load or base orientation"
+        ));
     }
     out
 }

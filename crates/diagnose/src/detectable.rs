@@ -157,7 +157,9 @@ fn probes(work: &Work, c: &Candidate, v: &Variant) -> Vec<Probe> {
             let phase = |k: u32| core::f64::consts::PI * f64::from(k) / 16.0;
             (0..16).map(|k| Probe { parameter: "amplitude", direction: vec![math::cos(phase(k)), math::sin(phase(k))] }).collect()
         }
-        ("gravity_tilt", _) => ["roll", "pitch"].into_iter().enumerate().map(|(i, parameter)| Probe { parameter, direction: unit(i) }).collect(),
+        ("gravity_tilt", _) => {
+            ["roll", "pitch"].into_iter().enumerate().map(|(i, parameter)| Probe { parameter, direction: unit(i) }).collect()
+        }
         ("friction_stribeck", _) => one("stiction"),
         ("friction_asymmetric", [kind, ..]) => one(if *kind > 0.5 { "coulomb_pos" } else { "viscous_pos" }),
         ("friction_passive", [kind, ..]) => one(if *kind < 0.5 { "coulomb" } else { "viscous" }),

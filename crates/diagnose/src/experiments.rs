@@ -59,7 +59,10 @@ pub(crate) fn propose(work: &Work, findings: &mut [Finding], band: f64) {
         let Some(cos_now) = before[p] else { continue };
         let mut options: Vec<(String, f64)> = Vec::new();
         if cos_now <= SEPARATED {
-            options.push(("record the same kind of motion for longer: the two are not alike, only weak against what is left".to_string(), cos_now));
+            options.push((
+                "record the same kind of motion for longer: the two are not alike, only weak against what is left".to_string(),
+                cos_now,
+            ));
         }
         options.extend(tried.iter().filter_map(|(text, c)| c[p].map(|c| (text.clone(), c))).filter(|(_, c)| cos_now - c > CHANGE));
         if !options.iter().any(|(_, c)| *c <= SEPARATED)
@@ -76,7 +79,9 @@ pub(crate) fn propose(work: &Work, findings: &mut [Finding], band: f64) {
         f.cannot_tell_from[k].separating_experiment = match said.first() {
             Some(e) if e.separates => e.says.clone(),
             Some(e) => format!("{} {known}", e.says),
-            None => format!("{known} (no change of motion, load or base orientation that was tried in the model opens the angle, cos {cos_now:.2})"),
+            None => format!(
+                "{known} (no change of motion, load or base orientation that was tried in the model opens the angle, cos {cos_now:.2})"
+            ),
         };
         f.experiments.extend(said);
     }
@@ -98,10 +103,7 @@ fn chosen(options: Vec<(String, f64)>) -> Vec<(String, f64)> {
 fn experiment(effect: &str, alias: &EffectAt, text: String, cos_now: f64, cos_expected: f64) -> Experiment {
     let separates = cos_expected <= SEPARATED;
     let end = if separates { "" } else { ", which is still too close" };
-    let says = format!(
-        "{text}: expected cosine between {effect} and {} {cos_expected:.2} instead of {cos_now:.2}{end}.",
-        alias.effect
-    );
+    let says = format!("{text}: expected cosine between {effect} and {} {cos_expected:.2} instead of {cos_now:.2}{end}.", alias.effect);
     Experiment {
         against: alias.effect.clone(),
         place: alias.place.clone(),
@@ -175,7 +177,11 @@ fn faster(s: &Segment, factor: f64) -> Segment {
 /// Whether every drive has a stated speed limit that a faster motion keeps.
 fn may_be_faster(work: &Work, s: &Segment, factor: f64) -> bool {
     let model = &work.robot.model;
-    model.actuators.iter().enumerate().all(|(k, &j)| factor * top_speed(&s.v[k]) <= model.joints[j].limits.velocity && model.joints[j].limits.velocity.is_finite())
+    model
+        .actuators
+        .iter()
+        .enumerate()
+        .all(|(k, &j)| factor * top_speed(&s.v[k]) <= model.joints[j].limits.velocity && model.joints[j].limits.velocity.is_finite())
 }
 
 /// The motion about another centre, to the first side that joint limits and loops allow.

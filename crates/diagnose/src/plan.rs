@@ -177,10 +177,8 @@ pub fn plan(
         return Err(InputError::Short { recording: references[0].name.clone(), reason: reasons });
     }
     progress(0.8);
-    let power: Vec<Power> = (0..noise.len())
-        .map(|j| count(&work, j))
-        .map(|rows| Power { plain: rows, coloured: rows * gains[1] / gains[0] })
-        .collect();
+    let power: Vec<Power> =
+        (0..noise.len()).map(|j| count(&work, j)).map(|rows| Power { plain: rows, coloured: rows * gains[1] / gains[0] }).collect();
     let (minimum_detectable, invisible) = detectable(&work, &power, &settings.decision);
     let isolability = isolability(&work);
     let mut out = Plan {
@@ -198,7 +196,8 @@ pub fn plan(
     };
     // Without limit is no number JSON can write.
     out.isolability.prior = if out.isolability.prior.is_finite() { out.isolability.prior } else { 1e9 };
-    out.aliases = out.isolability.aliases().into_iter().map(|(i, j, cosine)| Alias { effects: [i, j].map(|k| out.effect_at(k)), cosine }).collect();
+    out.aliases =
+        out.isolability.aliases().into_iter().map(|(i, j, cosine)| Alias { effects: [i, j].map(|k| out.effect_at(k)), cosine }).collect();
     progress(1.0);
     Ok(out)
 }

@@ -30,7 +30,8 @@ pub(crate) fn sentence(g: &PriorGains, floor: f64) -> String {
         100.0 * g.soft_prior,
         percent(g.refit)
     );
-    let what = if g.anchored > floor { "It rests on the inertias of the model" } else { "It shows only where the inertias of the model may move" };
+    let what =
+        if g.anchored > floor { "It rests on the inertias of the model" } else { "It shows only where the inertias of the model may move" };
     format!(" {what} (it takes away {numbers}).")
 }
 
@@ -54,7 +55,8 @@ fn gain(work: &mut Work, index: usize, kappa: f64) -> f64 {
     let (ids, prior): (Vec<ColumnId>, Vec<f64>) =
         own.iter().zip(prior).filter(|(id, _)| !is_free(id)).map(|(&id, &sd)| (id, work.inverse_variance(id, sd))).unzip();
     let left = crate::isolability::projected(&work.gram, &ground.0, &ground.1, &ids);
-    let survives = (0..ids.len()).any(|i| left[(i, i)] > SURVIVES * (0..work.design.n_joints).map(|j| work.gram.power(ids[i], j)).sum::<f64>());
+    let survives =
+        (0..ids.len()).any(|i| left[(i, i)] > SURVIVES * (0..work.design.n_joints).map(|j| work.gram.power(ids[i], j)).sum::<f64>());
     if !survives {
         return 0.0;
     }

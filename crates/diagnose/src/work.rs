@@ -393,13 +393,7 @@ fn standard_columns(design: &mut Design, motions: &[Motion], model: &Model, widt
     StandardIds { rigid, viscous, coulomb, offset }
 }
 
-fn register(
-    ctx: &Context,
-    design: &mut Design,
-    motions: &[Motion],
-    standard: &StandardIds,
-    only: Option<&[&str]>,
-) -> Vec<Candidate> {
+fn register(ctx: &Context, design: &mut Design, motions: &[Motion], standard: &StandardIds, only: Option<&[&str]>) -> Vec<Candidate> {
     let mut out = Vec::new();
     for &effect in columns::ALL.iter().filter(|e| only.is_none_or(|names| names.contains(&e.entry().name))) {
         for proposal in effect.propose(ctx) {

@@ -1,7 +1,8 @@
 //! The words both renderings share.
 
-use pkm_diagnose::Verdict;
+use pkm_diagnose::isolability::LEAST_SURVIVING;
 use pkm_diagnose::verdict::{Heldout, Status, Unexplained, Use};
+use pkm_diagnose::{Plan, Required, Verdict};
 
 /// The outcome in a few words.
 pub(crate) fn outcome(verdict: &Verdict) -> String {
@@ -70,6 +71,29 @@ pub(crate) fn has_heldout(heldout: &Heldout) -> bool {
     [heldout.rms_nominal, heldout.rms_refit, heldout.rms_final].iter().any(|x| x.is_finite() && *x > 0.0)
 }
 
+/// The outcome of a plan in a few words, and how it is to be taken.
+pub(crate) fn plan_outcome(plan: &Plan, required: &[Required]) -> (String, &'static str) {
+    let missed = required.iter().filter(|r| !r.ok).count();
+    match (missed, required.len(), plan.aliases.len()) {
+        (0, 0, 0) => ("every pair of effects is told apart".to_owned(), "good"),
+        (0, 0, 1) => ("1 pair of effects could not be told apart".to_owned(), "found"),
+        (0, 0, n) => (format!("{n} pairs of effects could not be told apart"), "found"),
+        (0, ..) => ("what is asked for is told apart".to_owned(), "good"),
+        (1, 1, _) => ("what is asked for is not told apart".to_owned(), "bad"),
+        (n, of, _) => (format!("{n} of {of} pairs asked for are not told apart"), "bad"),
+    }
+}
+
+/// A plan in a sentence.
+pub(crate) fn plan_answer(plan: &Plan) -> String {
+    let visible = plan.isolability.effects.iter().filter(|e| e.kappa >= LEAST_SURVIVING).count();
+    let smallest = plan.minimum_detectable.iter().find(|d| d.effect == "payload").map_or(String::new(), |d| format!(" {}.", d.says));
+    format!(
+        "Of {} effects and places that are looked for, friction, offsets and inertias of the model leave {visible} to be seen along this motion.{smallest}",
+        plan.isolability.effects.len()
+    )
+}
+
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
@@ -127,11 +151,20 @@ pub(crate) mod tests {
             equation: name(),
             look_alikes: vec![LookAlike { effect: name(), place: places(), why_not: name(), separating_experiment: name() }],
             cannot_tell_from: vec![EffectAt { effect: name(), place: places(), separating_experiment: name() }],
-            experiments: vec![Experiment { against: name(), place: places(), intervention: name(), cos_now: nan, cos_expected: inf, separates: false, says: name() }],
+            experiments: vec![Experiment {
+                against: name(),
+                place: places(),
+                intervention: name(),
+                cos_now: nan,
+                cos_expected: inf,
+                separates: false,
+                says: name(),
+            }],
             depends_on_prior: Some(PriorGains { anchored: nan, soft: inf, refit: nan, soft_prior: nan, depends: true }),
         }];
         v.unexplained = Unexplained { present: true, share_of_residual: nan, place: places(), depends_on: places(), says: name() };
-        v.minimum_detectable = vec![Detectable { effect: name(), place: places(), parameter: name(), value: inf, unit: name(), says: name() }];
+        v.minimum_detectable =
+            vec![Detectable { effect: name(), place: places(), parameter: name(), value: inf, unit: name(), says: name() }];
         v.invisible = vec![Invisible { effect: name(), place: places(), why: name() }];
         let seen = |kappa| Seen { effect: name(), place: places(), kappa, found: true };
         v.isolability = Isolability { prior: nan, effects: vec![seen(nan), seen(0.5)], cosines: vec![vec![1.0, nan], vec![inf]] };

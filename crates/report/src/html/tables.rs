@@ -2,7 +2,7 @@
 
 use pkm_diagnose::Verdict;
 use pkm_diagnose::evidence::{Evidence, RegimeCell, Screened};
-use pkm_diagnose::verdict::{Detectable, RecordingUse};
+use pkm_diagnose::verdict::{Detectable, Invisible, RecordingUse};
 
 use super::{esc, num};
 use crate::format::{percent, significant};
@@ -112,29 +112,44 @@ fn screened(s: &Screened) -> String {
     )
 }
 
+/// What was too small to be seen, and what no size would have shown.
+pub(super) fn unseen(sizes: &[Detectable], invisible: &[Invisible]) -> String {
+    detectable(sizes) + &self::invisible(invisible)
+}
+
 /// The smallest sizes that would have been seen.
 pub(super) fn detectable(sizes: &[Detectable]) -> String {
     if sizes.is_empty() {
         return String::new();
     }
     let mut out = concat!(
-        r#"<p class="soft">Smaller effects than these may be there: these recordings could not have shown them.</p><div class="scroll"><table>"#,
-        r#"<thead><tr><th>effect</th><th>where</th><th>parameter</th><th class="n">smallest visible</th><th>unit</th></tr></thead><tbody>"#
+        r#"<p class="soft">Smaller effects than these may be there: they would not show.</p><div class="scroll"><table>"#,
+        r#"<thead><tr><th>effect</th><th>where</th><th>parameter</th><th class="n">smallest visible</th><th>unit</th><th>in words</th></tr></thead><tbody>"#
     )
     .to_owned();
     for d in sizes {
         put!(
             out,
-            r#"<tr><th><code>{}</code></th><td>{}</td><td>{}</td><td class="n">{}</td><td>{}</td></tr>"#,
+            r#"<tr><th><code>{}</code></th><td>{}</td><td>{}</td><td class="n">{}</td><td>{}</td><td class="wide soft">{}</td></tr>"#,
             esc(&d.effect),
             esc(&words::places(&d.place)),
             esc(&d.parameter),
             num(&significant(d.value, 2)),
-            esc(&d.unit)
+            esc(&d.unit),
+            esc(&d.says)
         );
     }
     out.push_str("</tbody></table></div>");
     out
+}
+
+/// What no size would show, effect by effect.
+pub(super) fn invisible(effects: &[Invisible]) -> String {
+    let mut out = String::new();
+    for e in effects {
+        put!(out, "<li><code>{}</code> at {}: {}</li>", esc(&e.effect), esc(&words::places(&e.place)), esc(&e.why));
+    }
+    if out.is_empty() { out } else { format!("<ul>{out}</ul>") }
 }
 
 /// What is left after every finding; empty where no model was judged.
@@ -193,4 +208,19 @@ pub(super) fn notes(notes: &[String]) -> String {
     }
     out.push_str("</ul>");
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_chance_reaches_is_told_in_sigmas_as_it_is_measured() {
+        let rejected =
+            Screened { effect: "spring".to_owned(), place: Vec::new(), gain: 0.04, surprise: 2.1, wins: [3, 5], why_not: String::new() };
+        let evidence = Evidence { ruled_out: vec![rejected], null_surprise: [3.6, 4.9], null_runs: 199, ..Evidence::default() };
+        let page = ruled_out(&evidence);
+        assert!(page.contains("3.6&nbsp;σ") && page.contains("4.9&nbsp;σ") && page.contains("2.1 σ"), "{page}");
+        assert!(!page.contains("360") && !page.contains("490"), "a surprise is no share");
+    }
 }
