@@ -82,8 +82,10 @@ fn along_one_sine_a_spring_is_an_inertia_and_a_delay_is_damping() {
     let p = planned(&[(0.1, 0.5)], Belief::Anchored);
     assert_close("spring and rotor", cosine(&p, "spring", "rotor_inertia"), 1.0, 1e-3);
     assert_close("spring and payload", cosine(&p, "spring", "payload"), 1.0, 1e-3);
-    assert_close("delay and damping", cosine(&p, "time_delay", "friction_viscous"), 1.0, 1e-3);
-    assert!(kappa(&p, "time_delay") < 0.01, "damping hides a delay: {}", kappa(&p, "time_delay"));
+    // A delay is not looked for next to reversals, where its column is set to zero; of the fifth of damping that dry friction leaves, that
+    // is a little.
+    assert_close("delay and damping", cosine(&p, "time_delay", "friction_viscous"), 1.0, 0.03);
+    assert!(kappa(&p, "time_delay") < 0.05, "damping hides a delay: {}", kappa(&p, "time_delay"));
     assert!(cosine(&p, "spring", "friction_viscous") < 0.02, "a sine is square to its cosine");
     assert_close("a rotor is square to friction", kappa(&p, "rotor_inertia"), 1.0, 0.01);
 }
@@ -128,7 +130,7 @@ fn the_smallest_sizes_are_three_deviations_of_the_textbook_estimate() {
     assert_close("dry friction", smallest(&p, "friction_coulomb", "coulomb"), three(dry), 0.04);
     assert_close("offset", smallest(&p, "torque_offset", "offset"), three(1.0), 0.03);
     let said = p.minimum_detectable.iter().find(|d| d.effect == "payload").expect("a payload has a size");
-    assert!(said.says.starts_with("payload at carriage below mass = ") && said.says.ends_with(" kg cannot be seen"), "{}", said.says);
+    assert!(said.says.starts_with("payload at carriage: less than ") && said.says.ends_with(" kg of mass cannot be seen"), "{}", said.says);
 }
 
 #[test]

@@ -80,7 +80,7 @@ fn entry(work: &Work, c: &Candidate, parameter: &'static str, value: f64) -> Det
     };
     let unit = entry.parameters.iter().find(|p| p.name == parameter).map_or("", |p| p.unit.text(kind));
     let shown = if unit == "1" { String::new() } else { format!(" {unit}") };
-    let says = format!("{} at {} below {parameter} = {}{shown} cannot be seen", c.effect_name(), c.name, two_digits(value));
+    let says = format!("{} at {}: less than {}{shown} of {parameter} cannot be seen", c.effect_name(), c.name, two_digits(value));
     Detectable {
         effect: c.effect_name().to_string(),
         place: vec![c.name.clone()],

@@ -7,6 +7,7 @@ use core::f64::consts::PI;
 use nalgebra::{Rotation3, Vector3};
 use pkm_dyn::effects::{Applied, Law};
 use pkm_dyn::math;
+use pkm_dyn::parameters::N_INERTIAL;
 use pkm_ident::KnownLoad;
 use pkm_ident::excitation::{Criterion, Excitation, Settings as Search, excite};
 
@@ -25,8 +26,8 @@ const CHANGE: f64 = 0.02;
 /// Samples of a motion that are looked at: enough for every phase of it, few enough to try many interventions.
 const SAMPLES: usize = 3000;
 
-/// Fraction of the robot's moving mass that a known mass has.
-const LOAD_SHARE: f64 = 0.25;
+/// Fractions of the robot's moving mass that a known mass has.
+const LOAD_SHARES: [f64; 2] = [0.25, 1.0];
 
 /// Angle by which a base is tilted on purpose `[rad]`.
 const TILT: f64 = PI / 12.0;
@@ -205,21 +206,34 @@ fn moved(work: &Work, now: &Segment) -> Option<Intervention> {
     })
 }
 
-/// A known mass where the drives feel it most.
-fn loaded(work: &Work, now: &Segment) -> Option<Intervention> {
+/// Known masses where the drives feel them most, as far as the drives can carry them.
+fn loaded(work: &Work, now: &Segment) -> Vec<Intervention> {
     if now.load.is_some() {
-        return None;
+        return Vec::new();
     }
     let model = &work.robot.model;
     let massive = model.massive_links();
-    let felt = |l: usize| -> f64 { work.motions[0].link_columns[10 * l].iter().flatten().map(|x| x * x).sum() };
-    let l = (0..massive.len()).max_by(|&a, &b| felt(a).total_cmp(&felt(b)))?;
+    let felt = |l: usize| -> f64 { work.motions[0].link_columns[N_INERTIAL * l].iter().flatten().map(|x| x * x).sum() };
+    let Some(l) = (0..massive.len()).max_by(|&a, &b| felt(a).total_cmp(&felt(b))) else { return Vec::new() };
     let moving: f64 = massive.iter().map(|&l| model.links[l].parameters.mass).sum();
-    let mass = two_digits(LOAD_SHARE * moving);
     let (name, centre) = (&model.links[massive[l]].name, model.links[massive[l]].parameters.centre_of_mass().0);
-    let load = KnownLoad { link: name.clone(), mass, xyz: centre.into() };
-    let text = format!("fix a known mass of {mass} kg to {name} and record the same motion");
-    (mass > 0.0).then(|| Intervention { text, segment: Segment { load: Some(load), ..now.clone() } })
+    let with = |share: f64| {
+        let mass = two_digits(share * moving);
+        let load = KnownLoad { link: name.clone(), mass, xyz: centre.into() };
+        let text = format!("fix a known mass of {mass} kg to {name} and record the same motion");
+        let segment = Segment { load: Some(load), ..now.clone() };
+        (mass > 0.0 && can_carry(work, &segment)).then_some(Intervention { text, segment })
+    };
+    LOAD_SHARES.into_iter().filter_map(with).collect()
+}
+
+/// Whether the model as given stays within the drives' efforts.
+fn can_carry(work: &Work, segment: &Segment) -> bool {
+    let model = &work.robot.model;
+    let within = |m: &Motion| {
+        model.actuators.iter().zip(&m.nominal[0]).all(|(&j, tau)| tau.iter().all(|t| t.abs() <= model.joints[j].limits.effort))
+    };
+    motion(work.robot, segment.clone()).is_ok_and(|m| within(&m))
 }
 
 fn two_digits(x: f64) -> f64 {

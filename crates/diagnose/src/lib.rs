@@ -46,7 +46,7 @@ pub use columns::looked_for;
 pub use engine::diagnose;
 pub use error::InputError;
 pub use evidence::{Diagnosis, Evidence, Refined};
-pub use plan::{Belief, Plan, PlanSettings, Required, plan, recorded_noise};
+pub use plan::{Alias, Belief, Plan, PlanSettings, Required, plan, recorded_noise};
 pub use predict::predict;
 pub use settings::{MIN_SAMPLES, Settings};
 pub use verdict::Verdict;

@@ -176,7 +176,7 @@ fn verdict() -> Verdict {
         parameter: parameter.to_owned(),
         value,
         unit: unit.to_owned(),
-        says: format!("{effect} at {place} below {parameter} = {value} {unit} cannot be seen"),
+        says: format!("{effect} at {place}: less than {value} {unit} of {parameter} cannot be seen"),
     };
     Verdict {
         schema: SCHEMA.to_owned(),

@@ -87,7 +87,10 @@ pub(crate) fn plan_outcome(plan: &Plan, required: &[Required]) -> (String, &'sta
 /// A plan in a sentence.
 pub(crate) fn plan_answer(plan: &Plan) -> String {
     let visible = plan.isolability.effects.iter().filter(|e| e.kappa >= LEAST_SURVIVING).count();
-    let smallest = plan.minimum_detectable.iter().find(|d| d.effect == "payload").map_or(String::new(), |d| format!(" {}.", d.says));
+    let payloads = plan.minimum_detectable.iter().filter(|d| d.effect == "payload" && d.value.is_finite());
+    let smallest = payloads
+        .min_by(|a, b| a.value.total_cmp(&b.value))
+        .map_or(String::new(), |d| format!(" The smallest load that shows: {}.", d.says));
     format!(
         "Of {} effects and places that are looked for, friction, offsets and inertias of the model leave {visible} to be seen along this motion.{smallest}",
         plan.isolability.effects.len()

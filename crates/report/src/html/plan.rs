@@ -1,14 +1,14 @@
 //! A plan as one HTML file: what a motion would show, in what size, and what would be mistaken for what.
 
-use pkm_diagnose::{Belief, Plan, Required};
+use pkm_diagnose::{Alias, Belief, Plan, Required};
 
 use super::page::document;
 use super::{esc, isolability, num, tables};
 use crate::format::{fixed, significant};
 use crate::words;
 
-/// Pairs listed at most.
-const PAIRS_MAX: usize = 40;
+/// Pairs shown at once; the rest is to be opened.
+const PAIRS_MAX: usize = 12;
 
 /// A plan as one self-contained HTML page: no network, no script. Everything that comes from files is escaped.
 #[must_use]
@@ -67,16 +67,22 @@ fn aliases(plan: &Plan) -> String {
     if plan.aliases.is_empty() {
         return r#"<p class="card calm">Every pair of effects that are looked for opens an angle.</p>"#.to_owned();
     }
+    let (first, rest) = plan.aliases.split_at(plan.aliases.len().min(PAIRS_MAX));
+    let mut out = pairs(first);
+    if !rest.is_empty() {
+        put!(out, "<details><summary>{} more pairs</summary>{}</details>", rest.len(), pairs(rest));
+    }
+    out
+}
+
+fn pairs(aliases: &[Alias]) -> String {
     let mut out =
         r#"<div class="scroll"><table><thead><tr><th>effect</th><th>and</th><th class="n">cosine</th></tr></thead><tbody>"#.to_owned();
-    for a in plan.aliases.iter().take(PAIRS_MAX) {
+    for a in aliases {
         let [x, y] = a.effects.each_ref().map(|e| esc(&words::at(&e.effect, &e.place)).to_string());
         put!(out, r#"<tr><td>{x}</td><td>{y}</td><td class="n">{}</td></tr>"#, num(&fixed(a.cosine, 3)));
     }
     out.push_str("</tbody></table></div>");
-    if plan.aliases.len() > PAIRS_MAX {
-        put!(out, r#"<p class="soft">{} more are in the table of all angles.</p>"#, plan.aliases.len() - PAIRS_MAX);
-    }
     out
 }
 
