@@ -11,6 +11,9 @@ const POINTS: usize = 200;
 /// Share of the travel within which two motions are one: a controller repeats a reference far better, another motion differs far more.
 const SAME: f64 = 0.05;
 
+/// Share of the range of efforts within which they are the same: a motion that is disturbed, or made with another load, is another one.
+const SAME_EFFORT: f64 = 0.04;
+
 /// Number of different motions; another load or another base orientation makes a motion another one.
 pub(crate) fn different_motions(motions: &[Motion]) -> usize {
     let mut kinds: Vec<&Segment> = Vec::new();
@@ -29,26 +32,27 @@ fn is_same(a: &Segment, b: &Segment) -> bool {
     }
     let length = |s: &Segment| s.dt * s.valid.len() as f64;
     let step = length(a).min(length(b)) / POINTS as f64;
-    let (a, b) = (thinned(a, step), thinned(b, step));
+    let [q_a, q_b] = [a, b].map(|s| thinned(&s.q, s.dt, step));
+    let [tau_a, tau_b] = [a, b].map(|s| thinned(&s.tau, s.dt, step));
     let half = POINTS / 2;
     // Every shift at which at least half of the shorter one lies on the other.
-    let (n_a, n_b) = (a.first().map_or(0, Vec::len), b.first().map_or(0, Vec::len));
+    let (n_a, n_b) = (q_a.first().map_or(0, Vec::len), q_b.first().map_or(0, Vec::len));
     (half..(n_a + n_b).saturating_sub(half)).any(|end| {
-        let (from_a, from_b) = (end.saturating_sub(n_b), n_b.saturating_sub(end));
-        let n = (n_a - from_a.min(n_a)).min(n_b - from_b);
-        n >= half && distance(&a, from_a, &b, from_b, n) < SAME
+        let from = (end.saturating_sub(n_b), n_b.saturating_sub(end));
+        let n = (n_a - from.0.min(n_a)).min(n_b - from.1);
+        n >= half && distance(&q_a, &q_b, from, n) < SAME && distance(&tau_a, &tau_b, from, n) < SAME_EFFORT
     })
 }
 
-/// Positions of every drive at a common step, each as a share of that drive's travel in this recording.
-fn thinned(s: &Segment, step: f64) -> Vec<Vec<f64>> {
+/// Means over stretches of one step, of every drive: noise that is independent from sample to sample is averaged out.
+fn thinned(x: &[Vec<f64>], dt: f64, step: f64) -> Vec<Vec<f64>> {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of the recording's length")]
-    let at = |i: usize| (i as f64 * step / s.dt) as usize;
-    s.q.iter().map(|q| (0..).map(at).take_while(|&i| i < q.len()).map(|i| q[i]).collect()).collect()
+    let n = ((step / dt) as usize).max(1);
+    x.iter().map(|x| x.chunks_exact(n).map(|c| c.iter().sum::<f64>() / n as f64).collect()).collect()
 }
 
-/// rms over time and drives of the difference of two stretches, as a share of the larger travel.
-fn distance(a: &[Vec<f64>], from_a: usize, b: &[Vec<f64>], from_b: usize, n: usize) -> f64 {
+/// rms over time and drives of the difference of two stretches, as a share of the larger range.
+fn distance(a: &[Vec<f64>], b: &[Vec<f64>], (from_a, from_b): (usize, usize), n: usize) -> f64 {
     let (mut sum, mut drives) = (0.0, 0_usize);
     for (a, b) in a.iter().zip(b) {
         let travel = range(a).max(range(b));
@@ -83,7 +87,7 @@ mod tests {
             q: vec![(0..n).map(|i| q(i as f64 * dt)).collect()],
             v: Vec::new(),
             a: Vec::new(),
-            tau: Vec::new(),
+            tau: vec![(0..n).map(|i| 3.0 * q(i as f64 * dt)).collect()],
             warmth: Vec::new(),
             valid: vec![true; n],
             gravity: None,
@@ -100,6 +104,9 @@ mod tests {
         assert!(!is_same(&first, &recorded(|t| wave(0.5 * t), 1000)), "half the speed");
         assert!(!is_same(&first, &recorded(|t| math::sin(2.0 * t) + 0.7 * math::sin(5.3 * t), 1000)), "other frequencies");
         assert!(!is_same(&first, &recorded(|t| wave(t) + 1.0, 1000)), "about another centre");
+        let mut disturbed = recorded(wave, 1000);
+        disturbed.tau[0].iter_mut().skip(300).take(200).for_each(|t| *t += 2.0);
+        assert!(!is_same(&first, &disturbed), "pushed while it moves");
         let mut tilted = recorded(wave, 1000);
         tilted.gravity = Some([0.0, 1.0, -9.7]);
         assert!(!is_same(&first, &tilted), "another base orientation");
