@@ -57,22 +57,23 @@ class ChainStep(TypedDict):
 
 
 class Screened(TypedDict):
-    """A candidate that was screened and is not a finding; `wins`: folds in which it helped, of how many."""
+    """A candidate that was screened and is not a finding; `wins`: folds in which it helped, of how many; `surprise`: sigmas above chance."""
 
     effect: str
     where: list[str]
     gain: float
+    surprise: float
     wins: tuple[int, int]
     why_not: str
 
 
 class Evidence(TypedDict):
-    """Everything a report shows besides the verdict; `null_gain`: 95 % and 99 % of what chance alone gains."""
+    """Everything a report shows besides the verdict; `null_surprise`: 95 % and 99 % of what chance alone reaches, in sigmas."""
 
     joints: list[JointSeries]
     findings: list[FindingPlot]
     regimes: list[RegimeCell]
     chain: list[ChainStep]
     ruled_out: list[Screened]
-    null_gain: tuple[float, float]
+    null_surprise: tuple[float, float]
     null_runs: int

@@ -61,7 +61,7 @@ pub(crate) fn as_dict<'py>(py: Python<'py>, e: &Evidence) -> PyResult<Bound<'py,
     let chain = list(py, &e.chain, |c| Ok(dict!(py, "label": &c.label, "heldout_rms": c.heldout_rms)))?;
     let ruled_out = list(py, &e.ruled_out, |s| {
         let wins = (s.wins[0], s.wins[1]);
-        Ok(dict!(py, "effect": &s.effect, "where": &s.place, "gain": s.gain, "wins": wins, "why_not": &s.why_not))
+        Ok(dict!(py, "effect": &s.effect, "where": &s.place, "gain": s.gain, "surprise": s.surprise, "wins": wins, "why_not": &s.why_not))
     })?;
     Ok(dict!(py,
         "joints": list(py, &e.joints, |j| joint(py, j))?,
@@ -69,7 +69,7 @@ pub(crate) fn as_dict<'py>(py: Python<'py>, e: &Evidence) -> PyResult<Bound<'py,
         "regimes": regimes,
         "chain": chain,
         "ruled_out": ruled_out,
-        "null_gain": (e.null_gain[0], e.null_gain[1]),
+        "null_surprise": (e.null_surprise[0], e.null_surprise[1]),
         "null_runs": e.null_runs,
     ))
 }

@@ -8,19 +8,21 @@ use crate::alternatives::{alternatives, chain_rivals};
 use crate::columns::Family;
 use crate::contest::reading;
 use crate::design::View;
-use crate::detectable::detectable;
+use crate::detectable::{detectable, left_power};
 use crate::evidence::{ChainStep, Diagnosis, Evidence, Screened};
 use crate::explain;
 use crate::final_fit::{FinalFit, errors, jackknife_half_width, left_as_given, noise_floor, pooled};
+use crate::isolability::isolability;
 use crate::leftover::{Views, unexplained};
 use crate::rank::{Step, rank};
 use crate::refine::{Parameters, container, refine};
 use crate::regimes;
 use crate::search::Search;
 use crate::settings::{PRIORS, Settings};
+use crate::variety::different_motions;
 use crate::verdict::{EffectAt, Estimate, Finding, Heldout, HeldoutJoint, SCHEMA, Status, Verdict};
 use crate::work::Work;
-use crate::{gate, picture};
+use crate::{experiments, gate, picture, priors};
 
 type Left = Vec<Vec<Vec<f64>>>;
 
@@ -34,6 +36,8 @@ struct Final {
     estimates: Vec<BTreeMap<String, Estimate>>,
     /// Lags that could be delays and delays that could be lags, by pick.
     late: Vec<(usize, EffectAt)>,
+    /// Different motions recorded.
+    motions: usize,
 }
 
 /// Writes the verdict on the picks in `work`.
@@ -48,7 +52,13 @@ pub(crate) fn assemble(work: &mut Work, found: &Search, bare: &Model, band: f64,
     if let Some(last) = steps.last_mut().filter(|s| s.pick.is_some()) {
         last.heldout = pooled(&errors(work, &fin.left));
     }
-    let findings = order.iter().enumerate().map(|(r, &pick)| finding(work, &fin, &steps, (r, pick), settings)).collect::<Vec<_>>();
+    let mut findings = order.iter().enumerate().map(|(r, &pick)| finding(work, &fin, &steps, (r, pick), settings)).collect::<Vec<_>>();
+    for (f, &pick) in findings.iter_mut().zip(&order) {
+        let gains = priors::gains(work, pick, settings);
+        f.says += &priors::sentence(&gains, settings.floor);
+        f.depends_on_prior = Some(gains);
+    }
+    experiments::propose(work, &mut findings, band);
     let refined = refine(work, bare, &fin.readings);
     let heldout = heldout(work, &nominal, &fin.left, band);
     let moving = work.residual(&fin.fit.ids, &fin.fit.theta, work.softness, View::Fit);
@@ -57,6 +67,7 @@ pub(crate) fn assemble(work: &mut Work, found: &Search, bare: &Model, band: f64,
     let mut evidence = evidence(work, &fin, (&nominal, &steps, found), settings);
     (evidence.dependences, evidence.lines) = (leftover.curves, leftover.lines);
     let unexplained = leftover.verdict;
+    let (minimum_detectable, invisible) = detectable(work, &left_power(work, &moving), settings);
     let nothing_missing = findings.is_empty() && !unexplained.present;
     let verdict = Verdict {
         schema: SCHEMA.to_string(),
@@ -68,10 +79,12 @@ pub(crate) fn assemble(work: &mut Work, found: &Search, bare: &Model, band: f64,
         heldout,
         findings,
         unexplained,
-        minimum_detectable: detectable(work, &moving, settings),
+        minimum_detectable,
+        invisible,
+        isolability: isolability(work),
         replay: Vec::new(),
         refined_model: String::new(),
-        notes: notes(work),
+        notes: notes(work, fin.motions),
     };
     Diagnosis { verdict, evidence, refined: Some(refined) }
 }
@@ -103,7 +116,7 @@ fn finish(work: &Work) -> Final {
         readings.push(values);
         estimates.push(map);
     }
-    Final { fit, left, parts, readings, estimates, late: Vec::new() }
+    Final { fit, left, parts, readings, estimates, late: Vec::new(), motions: different_motions(work.motions) }
 }
 
 /// Parameters that are chosen from a list of shapes.
@@ -176,7 +189,7 @@ fn finding(work: &Work, fin: &Final, steps: &[Step], (r, pick): (usize, usize), 
         place: vec![c.name.clone()],
         regime,
         when,
-        confidence: confidence(work, p.wins, p_value),
+        confidence: confidence(work, p.wins, p_value, fin.motions),
         p_value,
         heldout_rms_before: before,
         heldout_rms_after: after,
@@ -186,6 +199,7 @@ fn finding(work: &Work, fin: &Final, steps: &[Step], (r, pick): (usize, usize), 
         parameters,
         look_alikes,
         cannot_tell_from: same,
+        ..Finding::default()
     }
 }
 
@@ -196,10 +210,10 @@ fn p_value(search: f64, confirm: f64, settings: &Settings) -> f64 {
 }
 
 /// Rule of succession over the blocks in which the finding helped, times the chance that it is real at all.
-fn confidence(work: &Work, wins: usize, p_value: f64) -> f64 {
+fn confidence(work: &Work, wins: usize, p_value: f64, motions: usize) -> f64 {
     let raw = (1.0 - p_value) * (wins + 1) as f64 / (work.design.n_folds + 2) as f64;
-    // One recording alone is never confirmed: another day, load or motion might not show it.
-    if work.motions.len() < 2 { raw.min(0.79) } else { raw }
+    // One motion alone is never confirmed, however often it is recorded: another load or motion might not show it.
+    if motions < 2 { raw.min(0.79) } else { raw }
 }
 
 fn heldout(work: &Work, nominal: &Left, left: &Left, band: f64) -> Heldout {
@@ -258,11 +272,18 @@ fn evidence(work: &Work, fin: &Final, (nominal, steps, found): (&Left, &[Step], 
         }
         let why_not = if s.why_not.is_empty() { "did not hold on held-out data".to_string() } else { s.why_not.clone() };
         let wins = [s.wins, work.design.n_folds];
-        ruled_out.push(Screened { effect: c.effect_name().to_string(), place: vec![c.name.clone()], gain: s.gain, wins, why_not });
+        ruled_out.push(Screened {
+            effect: c.effect_name().to_string(),
+            place: vec![c.name.clone()],
+            gain: s.gain,
+            surprise: s.surprise,
+            wins,
+            why_not,
+        });
     }
     ruled_out.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let threshold = |level: f64| found.last.last().map_or(0.0, |c| c.threshold(level));
-    let null_gain = [threshold(0.05), threshold(0.01)].map(|t| if t.is_finite() { t } else { 0.0 });
+    let null_surprise = [threshold(0.05), threshold(0.01)].map(|t| if t.is_finite() { t } else { 0.0 });
     debug_assert!(fin.fit.ids.len() >= work.picks.len() || work.picks.is_empty(), "every pick has a column");
     Evidence {
         joints: picture::joints(work, nominal, &fin.left),
@@ -270,7 +291,7 @@ fn evidence(work: &Work, fin: &Final, (nominal, steps, found): (&Left, &[Step], 
         regimes: picture::regime_cells(work, nominal, &fin.left),
         chain,
         ruled_out,
-        null_gain,
+        null_surprise,
         null_runs: settings.null_runs,
         ..Evidence::default()
     }
@@ -293,7 +314,7 @@ fn summary(findings: &[Finding], left: &str, h: &Heldout) -> String {
     }
 }
 
-fn notes(work: &Work) -> Vec<String> {
+fn notes(work: &Work, motions: usize) -> Vec<String> {
     let mut out = Vec::new();
     for m in work.motions {
         let s = &m.segment;
@@ -304,6 +325,11 @@ fn notes(work: &Work) -> Vec<String> {
     }
     if work.motions.len() < 2 {
         out.push("one recording only: confidence stays below 0.8; give a second one, or --holdout with another motion".to_string());
+    } else if motions < 2 {
+        let n = work.motions.len();
+        out.push(format!(
+            "all {n} recordings repeat one motion: confidence stays below 0.8; record another motion, load or base orientation"
+        ));
     }
     out
 }

@@ -107,7 +107,7 @@ pub(crate) fn contest(work: &Work, pool: &[usize], grounds: &[Ground], null_left
 }
 
 /// Mean and standard deviation, the latter never so small that rounding counts as surprise.
-fn mean_and_sd(x: &[f64]) -> (f64, f64) {
+pub(crate) fn mean_and_sd(x: &[f64]) -> (f64, f64) {
     let n = x.len().max(1) as f64;
     let mean = x.iter().sum::<f64>() / n;
     let variance = x.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / n;
@@ -319,7 +319,7 @@ pub(crate) fn reading(
     let drive = work.drive(candidate);
     let softness = variant.softness.unwrap_or(work.softness);
     // At a drive whose effort scale is wrong, fits are in recorded units and laws in true ones.
-    let unit = if c.effect_name() == "torque_constant" { 1.0 } else { 1.0 / (1.0 + scale_error(work, c.place, coefficient)) };
+    let unit = if c.effect_name() == "torque_constant" { 1.0 } else { 1.0 / (1.0 + scale_error(work, variant, coefficient)) };
     let own: Vec<f64> = variant.columns.iter().take(variant.n_own).map(|&id| unit * coefficient(id)).collect();
     c.effect.read(&columns::View {
         model: &work.baseline,
@@ -332,11 +332,20 @@ pub(crate) fn reading(
     })
 }
 
-/// Share by which the recorded effort of a driven joint is too large, where a wrong scale was picked there.
-fn scale_error(work: &Work, joint: usize, coefficient: &dyn Fn(ColumnId) -> f64) -> f64 {
-    let at = |p: &&Pick| {
-        let c = &work.candidates[p.candidate];
-        c.effect_name() == "torque_constant" && c.place == joint
-    };
-    work.picks.iter().find(at).map_or(0.0, |p| coefficient(p.variant.columns[0]).max(-0.9))
+/// Share by which recorded efforts are too large where a variant acts: the mean over drives of the scale errors picked there, each drive
+/// counting by how much of the variant's own columns it carries. A link's columns lie at several drives, a joint's at its own.
+fn scale_error(work: &Work, variant: &Variant, coefficient: &dyn Fn(ColumnId) -> f64) -> f64 {
+    let wrong: Vec<(usize, f64)> = work
+        .picks
+        .iter()
+        .filter(|p| work.candidates[p.candidate].effect_name() == "torque_constant")
+        .map(|p| (work.candidates[p.candidate].scope[0], coefficient(p.variant.columns[0]).max(-0.9)))
+        .collect();
+    if wrong.is_empty() {
+        return 0.0;
+    }
+    let own = &variant.columns[..variant.n_own];
+    let carried: Vec<f64> = (0..work.design.n_joints).map(|j| own.iter().map(|&id| work.gram.power(id, j)).sum()).collect();
+    let total: f64 = carried.iter().sum();
+    if total > 0.0 { wrong.iter().map(|(j, error)| error * carried[*j]).sum::<f64>() / total } else { 0.0 }
 }

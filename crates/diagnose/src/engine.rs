@@ -42,6 +42,9 @@ pub fn diagnose(
         return Ok(crate::gate::unusable(robot, &motions, reasons));
     }
     let mut work = Work::new(robot, &motions, band);
+    if let Some(reasons) = crate::enough::reasons(&work.design, band) {
+        return Ok(crate::gate::unusable(robot, &motions, reasons));
+    }
     progress(0.3);
     let found = search::search(&mut work, band, settings, progress);
     let out = assemble(&mut work, &found, &description.bare, band, settings);

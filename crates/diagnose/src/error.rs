@@ -80,6 +80,22 @@ pub enum InputError {
         /// Upper limit `[Hz]`.
         limit: f64,
     },
+    /// A motion that leaves nothing to fit on.
+    #[error("{recording}: {reason}")]
+    Short {
+        /// Motion as the user named it.
+        recording: String,
+        /// What is too little of what.
+        reason: String,
+    },
+    /// Noise of efforts that cannot be.
+    #[error("noise of {joint}: {detail}")]
+    Noise {
+        /// Joint as stated.
+        joint: String,
+        /// What is wrong.
+        detail: String,
+    },
     /// A stated gravity or load that does not fit the robot.
     #[error("{recording}: metadata {key}: {detail}")]
     Meta {

@@ -83,6 +83,8 @@ pub struct Screened {
     pub place: Vec<String>,
     /// Held-out squared error it would take away, as a share of what is there.
     pub gain: f64,
+    /// That gain in standard deviations of what the candidate gains in null runs, above their mean `[sigma]`.
+    pub surprise: f64,
     /// Folds in which it helped, of how many.
     pub wins: [usize; 2],
     /// Why it is not a finding.
@@ -151,8 +153,9 @@ pub struct Evidence {
     pub chain: Vec<ChainStep>,
     /// What was ruled out, best first.
     pub ruled_out: Vec<Screened>,
-    /// Gain above which chance alone is left behind (95 % and 99 % of the null's maximum), last step.
-    pub null_gain: [f64; 2],
+    /// Surprise above which chance alone is left behind (95 % and 99 % of the null's maximum), last step: `[sigma]` as
+    /// [`Screened::surprise`], because joints differ in how much chance can gain there.
+    pub null_surprise: [f64; 2],
     /// Number of null runs per step.
     pub null_runs: usize,
     /// What stays unexplained, against the signals it depends on.

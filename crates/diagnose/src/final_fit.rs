@@ -4,6 +4,7 @@ use faer::Mat;
 use pkm_dyn::math;
 
 use crate::design::{ColumnId, View};
+use crate::rows::Rows;
 use crate::screen;
 use crate::solve::Over;
 use crate::work::Work;
@@ -114,17 +115,23 @@ pub(crate) fn left_as_given(work: &Work, view: View) -> Vec<Vec<Vec<f64>>> {
 pub(crate) fn noise_floor(work: &Work, left: &[Vec<Vec<f64>>]) -> f64 {
     let mut out = Vec::new();
     for (j, error) in errors(work, left).iter().enumerate() {
-        let (mut sum, mut n) = (0.0, 0_usize);
-        for x in &left[j] {
-            for w in x.windows(3) {
-                let d = w[0] - 2.0 * w[1] + w[2];
-                sum += d * d / 6.0;
-                n += 1;
-            }
-        }
-        out.push(JointError { effort: error.effort, error: math::sqrt(sum / n.max(1) as f64).min(error.error) });
+        out.push(JointError { effort: error.effort, error: math::sqrt(white_power(&work.design.rows, &left[j])).min(error.error) });
     }
     pooled(&out)
+}
+
+/// Mean square of the part of a series that looks white, from second differences: [segment][row]. Rows in gaps hold what was put there in
+/// place of samples, which is smooth and would make the noise small.
+pub(crate) fn white_power(rows: &[Rows], x: &[Vec<f64>]) -> f64 {
+    let (mut sum, mut n) = (0.0, 0_usize);
+    for (rows, x) in rows.iter().zip(x) {
+        for (w, _) in x.windows(3).zip(rows.valid.windows(3)).filter(|(_, ok)| ok.iter().all(|v| *v)) {
+            let d = w[0] - 2.0 * w[1] + w[2];
+            sum += d * d / 6.0;
+            n += 1;
+        }
+    }
+    sum / n.max(1) as f64
 }
 
 #[cfg(test)]

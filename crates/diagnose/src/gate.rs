@@ -48,6 +48,7 @@ pub(crate) fn unusable(robot: &Robot, motions: &[Motion], reasons: Vec<String>) 
         refined_model: String::new(),
         says: format!("recording unusable: {}", reasons.join("; ")),
         notes: Vec::new(),
+        ..Verdict::default()
     };
     Diagnosis { verdict, evidence: Evidence::default(), refined: None }
 }

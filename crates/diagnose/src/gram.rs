@@ -66,6 +66,12 @@ impl Gram {
         Self { n_folds: design.n_folds, active, local, xx, xx_all, scale, stacks }
     }
 
+    /// Weighted squared length of a column at one joint over the fitted rows, in the units fits are solved in.
+    pub(crate) fn power(&self, id: ColumnId, joint: usize) -> f64 {
+        let scale = self.scale[id];
+        self.local[joint][id].map_or(0.0, |l| self.xx_all[joint][(l, l)] * scale * scale)
+    }
+
     /// Number of fitted folds that hold any row: a gap may empty one.
     pub(crate) fn n_filled(&self) -> usize {
         self.stacks[..self.n_folds].iter().filter(|joints| joints.iter().any(|s| !s.at.is_empty())).count()

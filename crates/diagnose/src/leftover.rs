@@ -3,7 +3,8 @@
 use crate::contest::Contest;
 use crate::dependence::{Depends, curve, dependences, lines};
 use crate::evidence::{Dependence, Lines};
-use crate::final_fit::{JointError, errors};
+use crate::final_fit::{JointError, errors, white_power};
+use crate::rows::Rows;
 use crate::settings::{Settings, UNEXPLAINED_SHARE};
 use crate::verdict::Unexplained;
 use crate::work::Work;
@@ -39,7 +40,7 @@ pub(crate) fn unexplained(work: &Work, views: &Views, last: &[Contest], settings
     let mut places = Vec::new();
     let (mut sum_before, mut sum_after) = (0.0, 0.0);
     for j in 0..work.design.n_joints {
-        let noise = noise_power(&views.left[j]);
+        let noise = white_power(&work.design.rows, &views.left[j]);
         let power = |e: &JointError| (e.error * e.error - noise).max(0.0);
         if after[j].effort > 0.0 {
             let scale = after[j].effort * after[j].effort;
@@ -47,7 +48,8 @@ pub(crate) fn unexplained(work: &Work, views: &Views, last: &[Contest], settings
             sum_after += after[j].error * after[j].error / scale;
         }
         let stays = power(&after[j]) > UNEXPLAINED_SHARE * UNEXPLAINED_SHARE * power(&before[j]) && power(&after[j]) > 0.0;
-        let is_shape = after[j].error > LARGE * after[j].effort.max(f64::MIN_POSITIVE) && correlation(&views.left[j]) > COLOURED;
+        let is_shape =
+            after[j].error > LARGE * after[j].effort.max(f64::MIN_POSITIVE) && correlation(&work.design.rows, &views.left[j]) > COLOURED;
         let is_function = depends[j].iter().any(|d| is_plain(d, (before[j], after[j]), settings));
         if (stays && is_shape) || is_function {
             places.push(j);
@@ -114,23 +116,13 @@ fn sentence(work: &Work, places: &[usize], depends_on: &[String], last: &[Contes
     format!("most of the error at {} stays, and nothing in the library explains it; {on}{best}", names.join(", "))
 }
 
-/// Mean square of the part of a leftover that looks white.
-fn noise_power(left: &[Vec<f64>]) -> f64 {
-    let (mut sum, mut n) = (0.0, 0_usize);
-    for w in left.iter().flat_map(|x| x.windows(3)) {
-        let d = w[0] - 2.0 * w[1] + w[2];
-        sum += d * d / 6.0;
-        n += 1;
-    }
-    sum / n.max(1) as f64
-}
-
-/// Correlation of neighbouring rows.
-fn correlation(left: &[Vec<f64>]) -> f64 {
+/// Correlation of neighbouring rows, those in gaps left out.
+fn correlation(rows: &[Rows], left: &[Vec<f64>]) -> f64 {
     let (mut product, mut square) = (0.0, 0.0);
-    for x in left {
-        product += x.windows(2).map(|w| w[0] * w[1]).sum::<f64>();
-        square += x.iter().map(|v| v * v).sum::<f64>();
+    for (rows, x) in rows.iter().zip(left) {
+        let known = |i: usize| rows.valid[i];
+        product += (1..x.len()).filter(|&i| known(i) && known(i - 1)).map(|i| x[i] * x[i - 1]).sum::<f64>();
+        square += (0..x.len()).filter(|&i| known(i)).map(|i| x[i] * x[i]).sum::<f64>();
     }
     if square > 0.0 { product / square } else { 0.0 }
 }

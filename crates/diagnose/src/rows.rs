@@ -18,7 +18,7 @@ pub(crate) struct Rows {
     pub(crate) time: Vec<f64>,
     /// Fold of each row: `Some(fold)` is fitted on, `None` is held out.
     pub(crate) fold: Vec<Option<usize>>,
-    /// Rows that may be judged: measured, not in a gap.
+    /// Rows that count: measured, not in a gap, and not so near the border of a fold that their filter reaches across it.
     pub(crate) valid: Vec<bool>,
     /// Rows in which each joint moves.
     pub(crate) moving: Vec<Vec<bool>>,
@@ -62,6 +62,21 @@ impl FineGrid {
     pub(crate) fn fine_cut(&self, raw: &[f64], still: &[bool]) -> Vec<f64> {
         let cut: Vec<f64> = raw.iter().zip(still).map(|(x, still)| if *still { 0.0 } else { *x }).collect();
         self.fine(&cut)
+    }
+
+    /// Share of the variance of independent raw noise that a row has: of the noise itself, and of what rows would have if they were
+    /// independent and told as much of it. The first is the filter's, the second is that of averages over the raw samples of a row.
+    pub(crate) fn noise_gain(&self) -> [f64; 2] {
+        let mut impulse = vec![0.0; 8 * self.filter.reach() + 1];
+        impulse[4 * self.filter.reach()] = 1.0;
+        let gain: f64 = self.filter.apply(&impulse).iter().map(|h| h * h).sum();
+        [gain, 1.0 / (self.step * self.thin) as f64]
+    }
+
+    /// Raw samples to leave between two sides of a fold border: one period of the band, over which the filter forgets, and of short
+    /// blocks no more than a quarter, or nothing would be left to fit on.
+    fn guard(&self, n_raw: usize) -> usize {
+        self.edge.min(n_raw / (4 * BLOCKS))
     }
 
     /// Raw index of a row.
@@ -129,6 +144,9 @@ pub(crate) fn rows(motion: &Motion, grid: &FineGrid, folds: &[Option<usize>], st
     let edge = grid.edge;
     let clear =
         |i: usize| i >= edge && i + edge < n_raw && s.valid[i.saturating_sub(reach)..(i + reach + 1).min(n_raw)].iter().all(|ok| *ok);
+    let fold = |i: usize| folds[(i * BLOCKS / n_raw).min(BLOCKS - 1)];
+    let guard = grid.guard(n_raw);
+    let is_apart = |i: usize| is_apart(&fold, i, guard, n_raw);
     // Share of each row's filter window in which a joint stands.
     let standing: Vec<Vec<f64>> = still
         .iter()
@@ -141,10 +159,41 @@ pub(crate) fn rows(motion: &Motion, grid: &FineGrid, folds: &[Option<usize>], st
     let at = |x: &Vec<Vec<f64>>| x.iter().map(|x| raw.iter().map(|&i| x[i]).collect()).collect();
     Rows {
         time: raw.iter().map(|&i| s.start + s.dt * i as f64).collect(),
-        fold: raw.iter().map(|&i| folds[(i * BLOCKS / n_raw).min(BLOCKS - 1)]).collect(),
-        valid: raw.iter().map(|&i| clear(i)).collect(),
+        fold: raw.iter().map(|&i| fold(i)).collect(),
+        valid: raw.iter().map(|&i| clear(i) && is_apart(i)).collect(),
         moving: such(|x| x < 0.5),
         clean: such(|x| x.abs() < 0.01),
         v: at(&s.v),
+    }
+}
+
+/// Whether a raw sample that is fitted lies far enough from other folds. Held-out samples are all judged, so their neighbours give way by
+/// the whole guard; two fitted folds give way by half of it each.
+fn is_apart(fold: &dyn Fn(usize) -> Option<usize>, i: usize, guard: usize, n_raw: usize) -> bool {
+    let Some(own) = fold(i) else { return true };
+    // Blocks are at least four guards long, so a border within the guard shows at its far end.
+    let ends = |reach: usize| [i.saturating_sub(reach), (i + reach).min(n_raw - 1)];
+    let is_own = |other: Option<usize>| other.is_none_or(|f| f == own);
+    ends(guard).iter().all(|&e| fold(e).is_some()) && ends(guard.div_ceil(2)).iter().all(|&e| is_own(fold(e)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fitted_rows_stay_a_filter_length_away_from_every_other_fold() {
+        // Five hundred samples, blocks of fifty: fold 0, held out, folds 1 and 2, and held out again.
+        let blocks = [Some(0), None, Some(1), Some(2), None, None, None, None, None, None];
+        let fold = |i: usize| blocks[i / 50];
+        let kept: Vec<usize> = (0..500).filter(|&i| is_apart(&fold, i, 12, 500)).collect();
+        let fitted: Vec<usize> = kept.iter().copied().filter(|&i| fold(i).is_some()).collect();
+        for &a in &fitted {
+            for &b in kept.iter().filter(|&&b| fold(b) != fold(a)) {
+                assert!(a.abs_diff(b) >= 12, "{a} and {b} share a filter's reach");
+            }
+        }
+        assert_eq!(kept.len() - fitted.len(), 350, "held-out samples are all judged");
+        assert_eq!(fitted.len(), 150 - 12 - 12 - 6 - 6 - 12);
     }
 }

@@ -4,14 +4,17 @@ use alloc::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::isolability::Isolability;
+
 /// Name of the JSON layout.
 pub const SCHEMA: &str = "pkm.verdict/1";
 
 /// How the diagnosis ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
     /// The recordings could be used; findings may be empty.
+    #[default]
     Ok,
     /// The gate rejected the recordings; nothing else is filled.
     Unusable,
@@ -123,7 +126,7 @@ pub struct LookAlike {
 }
 
 /// One piece of missing physics: located, named, sized and proven on held-out data.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
     /// 1 is the most important.
     pub rank: usize,
@@ -158,6 +161,48 @@ pub struct Finding {
     pub look_alikes: Vec<LookAlike>,
     /// Cannot be separated from the finding by these recordings.
     pub cannot_tell_from: Vec<EffectAt>,
+    /// What would separate it from each of them, cheapest first, with the angle to expect.
+    #[serde(default)]
+    pub experiments: Vec<Experiment>,
+    /// What it explains under three strengths of belief in the model's inertias.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depends_on_prior: Option<PriorGains>,
+}
+
+/// An experiment that would change what a finding can be told from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Experiment {
+    /// The other effect.
+    pub against: String,
+    /// Where that is.
+    #[serde(rename = "where")]
+    pub place: Vec<String>,
+    /// What to do, in a few words.
+    pub intervention: String,
+    /// Cosine of the angle between the two effects along the motions recorded so far, 0 to 1.
+    pub cos_now: f64,
+    /// The same with the experiment added, from the nominal model.
+    pub cos_expected: f64,
+    /// Whether that tells them apart.
+    pub separates: bool,
+    /// The same as a sentence.
+    pub says: String,
+}
+
+/// Share of the squared error of its drives that a finding takes away on blocks it was not fitted on, with the model's inertias taken as
+/// exact, within the chosen prior, and free.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct PriorGains {
+    /// Inertias exact: what changed on the same robot?
+    pub anchored: f64,
+    /// Inertias within `soft_prior` of their size.
+    pub soft: f64,
+    /// Inertias free: is the structure wrong?
+    pub refit: f64,
+    /// How far off inertias may be for `soft`, as a share of their size.
+    pub soft_prior: f64,
+    /// Whether it is worth a name under some of them and not under others.
+    pub depends: bool,
 }
 
 /// What is left after every finding.
@@ -191,6 +236,21 @@ pub struct Detectable {
     pub value: f64,
     /// Unit.
     pub unit: String,
+    /// The same as a sentence.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub says: String,
+}
+
+/// An effect that these recordings could not have shown in any size.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Invisible {
+    /// Effect name.
+    pub effect: String,
+    /// Where.
+    #[serde(rename = "where")]
+    pub place: Vec<String>,
+    /// Why not.
+    pub why: String,
 }
 
 /// One drive of a recording, replayed in simulation under feedback: the robot as given ("before") and the refined one ("after").
@@ -230,7 +290,7 @@ pub struct Compensation {
 }
 
 /// The answer to one diagnosis.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
     /// Always [`SCHEMA`].
     pub schema: String,
@@ -253,6 +313,12 @@ pub struct Verdict {
     /// Recordings replayed in simulation, drive by drive; empty when nothing was replayed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub replay: Vec<Replay>,
+    /// What could not have been seen in any size.
+    #[serde(default)]
+    pub invisible: Vec<Invisible>,
+    /// Which effects these recordings could tell apart.
+    #[serde(default, skip_serializing_if = "Isolability::is_empty")]
+    pub isolability: Isolability,
     /// Path of the refined robot, beside the JSON; empty when none was written.
     pub refined_model: String,
     /// Reasons for `unusable` or `not_repeatable`, else a one-sentence summary.

@@ -7,12 +7,13 @@ use pkm_dyn::parameters::N_INERTIAL;
 use pkm_ident::filter::{advanced, derivative};
 
 use crate::columns::{self, Columns, Context, Family, Shape, Source, StandardIds};
-use crate::design::{self, ColumnId, Design, Make, View};
+use crate::design::{ColumnId, Design, Make, View};
 use crate::gram::{Gram, Targets};
-use crate::motion::{Motion, top_speed};
+use crate::motion::{Motion, softness_widths, top_speed};
 use crate::screen;
 use crate::settings::SOFTNESS;
 use crate::solve::Over;
+use crate::verdict::Use;
 
 /// A shape with its columns in the design.
 #[derive(Debug, Clone)]
@@ -77,8 +78,26 @@ pub(crate) struct Work<'w> {
 }
 
 impl<'w> Work<'w> {
-    /// Builds columns of every candidate.
+    /// Builds columns of every candidate, and weighs the joints by what was measured.
     pub(crate) fn new(robot: &'w Robot, motions: &'w [Motion], band: f64) -> Self {
+        let mut out = Self::unweighted(robot, motions, band, None);
+        out.weigh();
+        out
+    }
+
+    /// The same with given weights of the joints, and of the named effects only: what was measured plays no part.
+    pub(crate) fn planned(robot: &'w Robot, motions: &'w [Motion], band: f64, weight: &[f64], only: Option<&[&str]>) -> Self {
+        let mut out = Self::unweighted(robot, motions, band, only);
+        out.design.weight.copy_from_slice(weight);
+        out.rebuild();
+        out.effort = out.effort_power();
+        // The drive's chain moves the model as given.
+        let models: Vec<_> = (0..SOFTNESS.len()).map(|w| (Vec::new(), Mat::zeros(0, 1), w)).collect();
+        out.refresh_chain(&models, band);
+        out
+    }
+
+    fn unweighted(robot: &'w Robot, motions: &'w [Motion], band: f64, only: Option<&[&str]>) -> Self {
         let mut design = Design::new(robot, motions, band);
         let model = &robot.model;
         let widths = largest_widths(robot, motions);
@@ -87,10 +106,10 @@ impl<'w> Work<'w> {
         let resolution: Vec<f64> = speeds.iter().map(|v| v / (5.0 * band)).collect();
         let massive = model.massive_links();
         let ctx = Context { model, widths: &widths, top_speed: &speeds, travel: &travel, resolution: &resolution, massive: &massive };
-        let candidates = register(&ctx, &mut design, motions, &standard);
+        let candidates = register(&ctx, &mut design, motions, &standard, only);
         let rigid_spread = massive.iter().flat_map(|&l| columns::inertia_error::spread(&model.links[l].parameters)).collect();
         let gram = Gram::new(&design);
-        let mut out = Self {
+        Self {
             robot,
             baseline: crate::refine::baseline(robot),
             motions,
@@ -103,9 +122,7 @@ impl<'w> Work<'w> {
             softness: 0,
             kappa: 0.0,
             effort: Vec::new(),
-        };
-        out.weigh();
-        out
+        }
     }
 
     /// Weights each joint by what a plain refit leaves there, so that no joint drowns the others.
@@ -327,10 +344,14 @@ impl<'w> Work<'w> {
     }
 }
 
+/// Motions that are fitted: a held-out one must not shape what is tried.
+fn fitted(motions: &[Motion]) -> impl Iterator<Item = &Motion> {
+    motions.iter().filter(|m| m.segment.used != Use::Holdout)
+}
+
 fn largest_widths(robot: &Robot, motions: &[Motion]) -> Vec<Vec<f64>> {
-    let per_segment = design::widths(robot, motions);
     let mut out = vec![vec![0.0_f64; robot.model.nv()]; SOFTNESS.len()];
-    for segment in per_segment {
+    for segment in fitted(motions).map(|m| softness_widths(&robot.model, m)) {
         for (sum, widths) in out.iter_mut().zip(segment) {
             for (s, w) in sum.iter_mut().zip(widths) {
                 *s = s.max(w);
@@ -341,7 +362,7 @@ fn largest_widths(robot: &Robot, motions: &[Motion]) -> Vec<Vec<f64>> {
 }
 
 fn extents(motions: &[Motion], n: usize) -> (Vec<f64>, Vec<f64>) {
-    let each = |f: &dyn Fn(&Motion, usize) -> f64| (0..n).map(|k| motions.iter().map(|m| f(m, k)).fold(0.0, f64::max)).collect();
+    let each = |f: &dyn Fn(&Motion, usize) -> f64| (0..n).map(|k| fitted(motions).map(|m| f(m, k)).fold(0.0, f64::max)).collect();
     let range = |m: &Motion, k: usize| {
         let q = &m.segment.q[k];
         q.iter().copied().fold(f64::NEG_INFINITY, f64::max) - q.iter().copied().fold(f64::INFINITY, f64::min)
@@ -372,9 +393,9 @@ fn standard_columns(design: &mut Design, motions: &[Motion], model: &Model, widt
     StandardIds { rigid, viscous, coulomb, offset }
 }
 
-fn register(ctx: &Context, design: &mut Design, motions: &[Motion], standard: &StandardIds) -> Vec<Candidate> {
+fn register(ctx: &Context, design: &mut Design, motions: &[Motion], standard: &StandardIds, only: Option<&[&str]>) -> Vec<Candidate> {
     let mut out = Vec::new();
-    for &effect in columns::ALL {
+    for &effect in columns::ALL.iter().filter(|e| only.is_none_or(|names| names.contains(&e.entry().name))) {
         for proposal in effect.propose(ctx) {
             let mut variants: Vec<Variant> = proposal.shapes.into_iter().map(|shape| variant(shape, design, motions, standard)).collect();
             variants.retain(|v| v.columns.iter().any(|&c| design.joints_of(c).next().is_some()));

@@ -130,7 +130,7 @@ pub(crate) fn json(verdict: &Verdict) -> anyhow::Result<String> {
     Ok(serde_json::to_string_pretty(&value)? + "\n")
 }
 
-fn null_in(value: &serde_json::Value, at: &str) -> Option<String> {
+pub(crate) fn null_in(value: &serde_json::Value, at: &str) -> Option<String> {
     match value {
         serde_json::Value::Null => Some(at.to_string()),
         serde_json::Value::Array(items) => items.iter().enumerate().find_map(|(i, v)| null_in(v, &format!("{at}[{i}]"))),

@@ -121,6 +121,13 @@ pub(crate) struct Args {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct CriterionName(Criterion);
 
+impl CriterionName {
+    /// What it stands for.
+    pub(crate) fn criterion(self) -> Criterion {
+        self.0
+    }
+}
+
 impl ValueEnum for CriterionName {
     fn value_variants<'a>() -> &'a [Self] {
         const ALL: [CriterionName; Criterion::ALL.len()] = {
@@ -251,7 +258,7 @@ fn reserve(args: &Args, description: &Description) -> anyhow::Result<Outputs> {
 }
 
 /// The motion as references of all drives.
-fn recording(found: &Excitation, model: &Model, samples: usize, rate: f64) -> Recording {
+pub(crate) fn recording(found: &Excitation, model: &Model, samples: usize, rate: f64) -> Recording {
     let mut out = Recording { name: format!("{}, excitation", model.name), ..Recording::default() };
     let names = model.actuators.iter().map(|&j| &model.joints[j].name);
     let mut columns: Vec<[Vec<f64>; 3]> = names.clone().map(|_| [Vec::new(), Vec::new(), Vec::new()]).collect();

@@ -14,6 +14,7 @@ mod identify;
 mod mu;
 mod out;
 mod outputs;
+mod plan;
 mod progress;
 mod random;
 mod reproduce;
@@ -59,6 +60,7 @@ Fit a robot:
   identify    Estimate masses, inertias and friction of a robot from recordings
 
 Find missing physics:
+  plan        Say before any recording what a motion could show, and what would be mistaken for what
   diagnose    Locate, name and size what a robot file leaves out of its recordings
   trial-null  Diagnose the same runs with nothing missing: how often is something found?
 
@@ -117,6 +119,8 @@ enum Verb {
     Twin(twin::Args),
     /// Estimate masses, inertias and friction of a robot from recordings.
     Identify(identify::Args),
+    /// Say before any recording what a motion could show, and what would be mistaken for what.
+    Plan(plan::Args),
     /// Locate, name and size what a robot file leaves out of its recordings.
     Diagnose(diagnose::Args),
     /// Diagnose the same runs with nothing missing: how often is something found?
@@ -146,6 +150,7 @@ fn main() -> ExitCode {
         Verb::Convert(args) => convert::run(args),
         Verb::Twin(args) => twin::run(args),
         Verb::Identify(args) => identify::run(args),
+        Verb::Plan(args) => plan::run(args),
         Verb::Diagnose(args) => diagnose::run(args),
         Verb::TrialNull(args) => trial_null::run(args),
         Verb::Mu(args) => mu::run(args),

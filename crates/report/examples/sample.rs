@@ -108,6 +108,7 @@ fn friction() -> Finding {
             },
         ],
         cannot_tell_from: Vec::new(),
+        ..Finding::default()
     }
 }
 
@@ -137,6 +138,7 @@ fn payload() -> Finding {
             separating_experiment:
                 "tilt the platform by ± 15° at two speeds: a payload off the centre turns it, a heavier platform does not".to_owned(),
         }],
+        ..Finding::default()
     }
 }
 
@@ -156,6 +158,7 @@ fn hysteresis() -> Finding {
         equation: "dz/dt = v·(1 − z·sgn(v)/z_max),  tau(q3) += stiffness·z".to_owned(),
         look_alikes: Vec::new(),
         cannot_tell_from: Vec::new(),
+        ..Finding::default()
     }
 }
 
@@ -167,12 +170,13 @@ fn verdict() -> Verdict {
         used,
         heldout_spans: spans.to_vec(),
     };
-    let size = |effect: &str, place: &str, parameter: &str, value, unit: &str| Detectable {
+    let size = |effect: &str, place: &str, parameter: &str, value: f64, unit: &str| Detectable {
         effect: effect.to_owned(),
         place: names(&[place]),
         parameter: parameter.to_owned(),
         value,
         unit: unit.to_owned(),
+        says: format!("{effect} at {place}: less than {value} {unit} of {parameter} cannot be seen"),
     };
     Verdict {
         schema: SCHEMA.to_owned(),
@@ -206,6 +210,7 @@ fn verdict() -> Verdict {
                the held-out error from 41 % to 6.0 % of the measured effort, against a noise floor of 4.8 %."
             .to_owned(),
         notes: names(&["runs/excite-a.csv: 0.4 % of the samples are repeated readings and were left out", "q2 never moves faster than 0.11 m/s"]),
+        ..Verdict::default()
     }
 }
 
@@ -231,10 +236,11 @@ fn heldout() -> Heldout {
 
 fn evidence() -> Evidence {
     let step = |label: &str, heldout_rms| ChainStep { label: label.to_owned(), heldout_rms };
-    let screened = |effect: &str, place: &str, gain, wins, why: &str| Screened {
+    let screened = |effect: &str, place: &str, gain: f64, wins, why: &str| Screened {
         effect: effect.to_owned(),
         place: names(&[place]),
         gain,
+        surprise: 80.0 * gain,
         wins,
         why_not: why.to_owned(),
     };
@@ -256,7 +262,7 @@ fn evidence() -> Evidence {
             screened("gravity_tilt", "base", 0.0042, [2, 6], "gain below the null's 95 % limit"),
             screened("time_delay", "q3", -0.0007, [0, 6], "makes the held-out error larger"),
         ],
-        null_gain: [0.036, 0.052],
+        null_surprise: [3.6, 4.9],
         null_runs: 199,
     }
 }

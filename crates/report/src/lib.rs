@@ -1,4 +1,4 @@
-//! A diagnosis, or a scanned workspace, as one self-contained HTML page and as terminal text; an identification, and curves and tables of
+//! A diagnosis, a plan of one, or a scanned workspace, as one self-contained HTML page and as terminal text; an identification, and curves and tables of
 //! anything else, as a page of the same kind.
 //!
 //! Both renderings show the same content in the same order: the answer, the held-out numbers, the findings with their proof, what was
@@ -20,7 +20,7 @@ mod svg;
 mod terminal;
 mod words;
 
-pub use html::{html, identification_html, workspace_html};
+pub use html::{html, identification_html, plan_html, workspace_html};
 pub use sheet::{Curve, Figure, Ink, Sheet, Table, Tone, sheet};
 pub use svg::Scale;
-pub use terminal::{Style, terminal, workspace_terminal};
+pub use terminal::{Style, plan_terminal, terminal, workspace_terminal};

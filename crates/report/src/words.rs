@@ -1,7 +1,8 @@
 //! The words both renderings share.
 
-use pkm_diagnose::Verdict;
+use pkm_diagnose::isolability::LEAST_SURVIVING;
 use pkm_diagnose::verdict::{Heldout, Status, Unexplained, Use};
+use pkm_diagnose::{Plan, Required, Verdict};
 
 /// The outcome in a few words.
 pub(crate) fn outcome(verdict: &Verdict) -> String {
@@ -70,11 +71,41 @@ pub(crate) fn has_heldout(heldout: &Heldout) -> bool {
     [heldout.rms_nominal, heldout.rms_refit, heldout.rms_final].iter().any(|x| x.is_finite() && *x > 0.0)
 }
 
+/// The outcome of a plan in a few words, and how it is to be taken.
+pub(crate) fn plan_outcome(plan: &Plan, required: &[Required]) -> (String, &'static str) {
+    let missed = required.iter().filter(|r| !r.ok).count();
+    match (missed, required.len(), plan.aliases.len()) {
+        (0, 0, 0) => ("every pair of effects is told apart".to_owned(), "good"),
+        (0, 0, 1) => ("1 pair of effects could not be told apart".to_owned(), "found"),
+        (0, 0, n) => (format!("{n} pairs of effects could not be told apart"), "found"),
+        (0, ..) => ("what is asked for is told apart".to_owned(), "good"),
+        (1, 1, _) => ("what is asked for is not told apart".to_owned(), "bad"),
+        (n, of, _) => (format!("{n} of {of} pairs asked for are not told apart"), "bad"),
+    }
+}
+
+/// A plan in a sentence.
+pub(crate) fn plan_answer(plan: &Plan) -> String {
+    let visible = plan.isolability.effects.iter().filter(|e| e.kappa >= LEAST_SURVIVING).count();
+    let payloads = plan.minimum_detectable.iter().filter(|d| d.effect == "payload" && d.value.is_finite());
+    let smallest = payloads
+        .min_by(|a, b| a.value.total_cmp(&b.value))
+        .map_or(String::new(), |d| format!(" The smallest load that shows: {}.", d.says));
+    format!(
+        "Of {} effects and places that are looked for, friction, offsets and inertias of the model leave {visible} to be seen along this motion.{smallest}",
+        plan.isolability.effects.len()
+    )
+}
+
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
     use pkm_diagnose::evidence::{ChainStep, FindingPlot, JointSeries, RegimeCell, Screened};
-    use pkm_diagnose::verdict::{Detectable, EffectAt, Estimate, Finding, HeldoutJoint, LookAlike, RecordingUse, SCHEMA};
+    use pkm_diagnose::isolability::{Isolability, Seen};
+    use pkm_diagnose::verdict::{
+        Compensation, Detectable, EffectAt, Estimate, Experiment, Finding, HeldoutJoint, Invisible, LookAlike, PriorGains, RecordingUse,
+        SCHEMA,
+    };
     use pkm_diagnose::{Diagnosis, Evidence};
 
     /// A diagnosis with nothing in it.
@@ -92,6 +123,7 @@ pub(crate) mod tests {
             refined_model: String::new(),
             says: String::new(),
             notes: Vec::new(),
+            ..Verdict::default()
         };
         Diagnosis { verdict, evidence: Evidence::default(), refined: None }
     }
@@ -109,6 +141,7 @@ pub(crate) mod tests {
         v.heldout = Heldout { rms_nominal: 0.4, rms_refit: inf, rms_final: nan, noise_floor: 0.1, band_hz: nan, ..Heldout::default() };
         v.heldout.joints = vec![HeldoutJoint { joint: name(), unit: name(), rms_tau: nan, ..HeldoutJoint::default() }];
         v.findings = vec![Finding {
+            compensation: Compensation::default(),
             rank: 1,
             effect: name(),
             place: places(),
@@ -123,9 +156,23 @@ pub(crate) mod tests {
             equation: name(),
             look_alikes: vec![LookAlike { effect: name(), place: places(), why_not: name(), separating_experiment: name() }],
             cannot_tell_from: vec![EffectAt { effect: name(), place: places(), separating_experiment: name() }],
+            experiments: vec![Experiment {
+                against: name(),
+                place: places(),
+                intervention: name(),
+                cos_now: nan,
+                cos_expected: inf,
+                separates: false,
+                says: name(),
+            }],
+            depends_on_prior: Some(PriorGains { anchored: nan, soft: inf, refit: nan, soft_prior: nan, depends: true }),
         }];
         v.unexplained = Unexplained { present: true, share_of_residual: nan, place: places(), depends_on: places(), says: name() };
-        v.minimum_detectable = vec![Detectable { effect: name(), place: places(), parameter: name(), value: inf, unit: name() }];
+        v.minimum_detectable =
+            vec![Detectable { effect: name(), place: places(), parameter: name(), value: inf, unit: name(), says: name() }];
+        v.invisible = vec![Invisible { effect: name(), place: places(), why: name() }];
+        let seen = |kappa| Seen { effect: name(), place: places(), kappa, found: true };
+        v.isolability = Isolability { prior: nan, effects: vec![seen(nan), seen(0.5)], cosines: vec![vec![1.0, nan], vec![inf]] };
         let e = &mut d.evidence;
         let joint = JointSeries { joint: name(), unit: name(), recording: name(), time: vec![0.0, 1.0, nan], ..JointSeries::default() };
         e.joints = vec![JointSeries {
@@ -138,8 +185,8 @@ pub(crate) mod tests {
         e.findings = vec![FindingPlot { x: vec![0.0, nan, 2.0], y: vec![1.0, 2.0, inf], model: vec![1.0], is_heldout: vec![true], ..plot }];
         e.regimes = vec![RegimeCell { joint: name(), regime: name(), share: nan, before: 0.3, after: nan }];
         e.chain = vec![ChainStep { label: name(), heldout_rms: nan }, ChainStep { label: name(), heldout_rms: 0.1 }];
-        e.ruled_out = vec![Screened { effect: name(), place: places(), gain: nan, wins: [1, 2], why_not: name() }];
-        (e.null_gain, e.null_runs) = ([nan, inf], 199);
+        e.ruled_out = vec![Screened { effect: name(), place: places(), gain: nan, surprise: inf, wins: [1, 2], why_not: name() }];
+        (e.null_surprise, e.null_runs) = ([nan, inf], 199);
         d
     }
 

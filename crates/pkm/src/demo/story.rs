@@ -161,6 +161,7 @@ mod tests {
             equation: String::new(),
             look_alikes: vec![],
             cannot_tell_from: vec![at("friction_load", "q1")],
+            ..Finding::default()
         };
         Verdict {
             schema: SCHEMA.to_string(),
@@ -175,6 +176,7 @@ mod tests {
             refined_model: String::new(),
             says: String::new(),
             notes: vec![],
+            ..Verdict::default()
         }
     }
 

@@ -1,11 +1,11 @@
 //! One card per finding: the sentence, the equation, the numbers, the proof, and what it could be confused with.
 
 use pkm_diagnose::evidence::FindingPlot;
-use pkm_diagnose::verdict::{EffectAt, Finding, LookAlike};
+use pkm_diagnose::verdict::{EffectAt, Experiment, Finding, LookAlike};
 use pkm_diagnose::{Diagnosis, Verdict};
 
 use super::{esc, num};
-use crate::format::{confidence, percent, rounded, short};
+use crate::format::{confidence, fixed, percent, rounded, short};
 use crate::svg::{Axis, Frame, Plot, curve, dots, path};
 use crate::{svg, words};
 
@@ -68,6 +68,7 @@ fn card(finding: &Finding, picture: Option<&str>, largest: f64, null_runs: usize
         put!(out, r#"<p class="soft">For the controller: {}.</p>"#, esc(&finding.compensation.says));
     }
     out.push_str(&aliases(&finding.cannot_tell_from));
+    out.push_str(&experiments(&finding.experiments));
     out.push_str(&look_alikes(&finding.look_alikes));
     out.push_str("</article>");
     out
@@ -105,6 +106,17 @@ fn facts(finding: &Finding, null_runs: usize) -> String {
     if !finding.when.is_empty() {
         put!(out, "<dt>when</dt><dd>{}</dd>", esc(&finding.when));
     }
+    if let Some(g) = &finding.depends_on_prior {
+        let warn = if g.depends { "<b>depends on them</b>: " } else { "" };
+        put!(
+            out,
+            "<dt>model's inertias</dt><dd>{warn}takes away {} with them exact, {} within {}, {} refitted</dd>",
+            num(&percent(g.anchored)),
+            num(&percent(g.soft)),
+            num(&percent(g.soft_prior)),
+            num(&percent(g.refit))
+        );
+    }
     let runs = if null_runs > 0 { format!(" from {null_runs} null runs") } else { String::new() };
     put!(out, "<dt>confidence</dt><dd><b>{}</b></dd>", num(&confidence(finding.confidence)).replace('>', "&gt;").replace('<', "&lt;"));
     put!(out, "<dt>p-value</dt><dd>{}<span class=\"soft\">{runs}</span></dd></dl>", num(&short(finding.p_value)));
@@ -139,6 +151,32 @@ fn aliases(aliases: &[EffectAt]) -> String {
         out.push_str("</li>");
     }
     out.push_str("</ul></div>");
+    out
+}
+
+/// What to do next, with the angle to expect.
+fn experiments(experiments: &[Experiment]) -> String {
+    if experiments.is_empty() {
+        return String::new();
+    }
+    let mut out = concat!(
+        r#"<h4>What to record next</h4><div class="scroll"><table><thead><tr><th>experiment</th><th>tells it from</th>"#,
+        r#"<th class="n">cosine now</th><th class="n">expected</th><th>enough?</th></tr></thead><tbody>"#
+    )
+    .to_owned();
+    for e in experiments {
+        put!(
+            out,
+            r#"<tr><td class="wide">{}</td><td><code>{}</code> {}</td><td class="n">{}</td><td class="n"><b>{}</b></td><td>{}</td></tr>"#,
+            esc(&e.intervention),
+            esc(&e.against),
+            esc(&words::places(&e.place)),
+            num(&fixed(e.cos_now, 2)),
+            num(&fixed(e.cos_expected, 2)),
+            if e.separates { "yes" } else { "no" }
+        );
+    }
+    out.push_str("</tbody></table></div>");
     out
 }
 
@@ -228,6 +266,7 @@ mod tests {
             equation: String::new(),
             look_alikes: Vec::new(),
             cannot_tell_from: Vec::new(),
+            ..Finding::default()
         };
         assert!(facts(&finding, 199).contains("&gt;\u{a0}99\u{a0}%"));
     }

@@ -3,7 +3,7 @@
 use pkm_diagnose::Diagnosis;
 use pkm_diagnose::verdict::Status;
 
-use super::{esc, findings, joints, leftover, numbers, replay, tables};
+use super::{esc, findings, isolability, joints, leftover, numbers, replay, tables};
 use crate::words;
 
 /// Style sheet of every page.
@@ -66,7 +66,8 @@ fn sections(diagnosis: &Diagnosis) -> Vec<Section> {
         ("compensation", "For the controller", replay::compensation(verdict)),
         ("regimes", "Where the error was, and where it is left", tables::regimes(&evidence.regimes)),
         ("ruled-out", "What was ruled out", tables::ruled_out(evidence)),
-        ("detectable", "What could not have been seen", tables::detectable(&verdict.minimum_detectable)),
+        ("isolability", "What these motions can tell apart", isolability::section(&verdict.isolability)),
+        ("detectable", "What could not have been seen", tables::unseen(&verdict.minimum_detectable, &verdict.invisible)),
         ("recordings", "Recordings", tables::recordings(&verdict.recordings)),
         ("notes", "Notes on the recordings", tables::notes(&verdict.notes)),
     ];

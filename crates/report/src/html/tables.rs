@@ -1,7 +1,7 @@
 //! Heat map and tables: what was ruled out, what was too small to see, what stays, what was recorded.
 
 use pkm_diagnose::evidence::{Evidence, RegimeCell, Screened};
-use pkm_diagnose::verdict::{Detectable, RecordingUse};
+use pkm_diagnose::verdict::{Detectable, Invisible, RecordingUse};
 
 use super::{esc, num};
 use crate::format::{percent, significant};
@@ -68,23 +68,24 @@ pub(super) fn ruled_out(evidence: &Evidence) -> String {
     if evidence.ruled_out.is_empty() {
         return String::new();
     }
-    let [p95, p99] = evidence.null_gain;
+    let [p95, p99] = evidence.null_surprise;
     let mut out = String::new();
     if evidence.null_runs > 0 {
         put!(
             out,
             concat!(
-                "<p class=\"soft\">The gain is the share of the held-out squared error a candidate would take away. Chance alone, the best of all ",
-                "candidates in each of {} null runs, takes away up to {} (95&nbsp;%) or {} (99&nbsp;%).</p>"
+                "<p class=\"soft\">The gain is the share of the held-out squared error a candidate would take away; how far that is above what chance ",
+                "gains for the same candidate is told in standard deviations (σ). Chance alone, the best of all candidates in each of {} null runs, ",
+                "reaches {}&nbsp;σ (95&nbsp;%) or {}&nbsp;σ (99&nbsp;%).</p>"
             ),
             evidence.null_runs,
-            num(&percent(p95)),
-            num(&percent(p99))
+            num(&significant(p95, 2)),
+            num(&significant(p99, 2))
         );
     }
     out.push_str(concat!(
-        r#"<div class="scroll"><table><thead><tr><th>candidate</th><th>where</th><th class="n">gain</th><th class="n">folds won</th>"#,
-        r#"<th>why it is no finding</th></tr></thead><tbody>"#
+        r#"<div class="scroll"><table><thead><tr><th>candidate</th><th>where</th><th class="n">gain</th><th class="n">above chance</th>"#,
+        r#"<th class="n">folds won</th><th>why it is no finding</th></tr></thead><tbody>"#
     ));
     for s in evidence.ruled_out.iter().take(RULED_OUT_MAX) {
         out.push_str(&screened(s));
@@ -99,14 +100,20 @@ pub(super) fn ruled_out(evidence: &Evidence) -> String {
 /// One rejected candidate.
 fn screened(s: &Screened) -> String {
     format!(
-        r#"<tr><th><code>{}</code></th><td>{}</td><td class="n">{}</td><td class="n">{} of {}</td><td class="wide">{}</td></tr>"#,
+        r#"<tr><th><code>{}</code></th><td>{}</td><td class="n">{}</td><td class="n">{} σ</td><td class="n">{} of {}</td><td class="wide">{}</td></tr>"#,
         esc(&s.effect),
         esc(&words::places(&s.place)),
         num(&percent(s.gain)),
+        num(&significant(s.surprise, 2)),
         s.wins[0],
         s.wins[1],
         esc(&s.why_not)
     )
+}
+
+/// What was too small to be seen, and what no size would have shown.
+pub(super) fn unseen(sizes: &[Detectable], invisible: &[Invisible]) -> String {
+    detectable(sizes) + &self::invisible(invisible)
 }
 
 /// The smallest sizes that would have been seen.
@@ -115,23 +122,33 @@ pub(super) fn detectable(sizes: &[Detectable]) -> String {
         return String::new();
     }
     let mut out = concat!(
-        r#"<p class="soft">Smaller effects than these may be there: these recordings could not have shown them.</p><div class="scroll"><table>"#,
-        r#"<thead><tr><th>effect</th><th>where</th><th>parameter</th><th class="n">smallest visible</th><th>unit</th></tr></thead><tbody>"#
+        r#"<p class="soft">Smaller effects than these may be there: they would not show.</p><div class="scroll"><table>"#,
+        r#"<thead><tr><th>effect</th><th>where</th><th>parameter</th><th class="n">smallest visible</th><th>unit</th><th>in words</th></tr></thead><tbody>"#
     )
     .to_owned();
     for d in sizes {
         put!(
             out,
-            r#"<tr><th><code>{}</code></th><td>{}</td><td>{}</td><td class="n">{}</td><td>{}</td></tr>"#,
+            r#"<tr><th><code>{}</code></th><td>{}</td><td>{}</td><td class="n">{}</td><td>{}</td><td class="wide soft">{}</td></tr>"#,
             esc(&d.effect),
             esc(&words::places(&d.place)),
             esc(&d.parameter),
             num(&significant(d.value, 2)),
-            esc(&d.unit)
+            esc(&d.unit),
+            esc(&d.says)
         );
     }
     out.push_str("</tbody></table></div>");
     out
+}
+
+/// What no size would show, effect by effect.
+pub(super) fn invisible(effects: &[Invisible]) -> String {
+    let mut out = String::new();
+    for e in effects {
+        put!(out, "<li><code>{}</code> at {}: {}</li>", esc(&e.effect), esc(&words::places(&e.place)), esc(&e.why));
+    }
+    if out.is_empty() { out } else { format!("<ul>{out}</ul>") }
 }
 
 /// The recordings and what they were used for.
@@ -172,4 +189,19 @@ pub(super) fn notes(notes: &[String]) -> String {
     }
     out.push_str("</ul>");
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_chance_reaches_is_told_in_sigmas_as_it_is_measured() {
+        let rejected =
+            Screened { effect: "spring".to_owned(), place: Vec::new(), gain: 0.04, surprise: 2.1, wins: [3, 5], why_not: String::new() };
+        let evidence = Evidence { ruled_out: vec![rejected], null_surprise: [3.6, 4.9], null_runs: 199, ..Evidence::default() };
+        let page = ruled_out(&evidence);
+        assert!(page.contains("3.6&nbsp;σ") && page.contains("4.9&nbsp;σ") && page.contains("2.1 σ"), "{page}");
+        assert!(!page.contains("360") && !page.contains("490"), "a surprise is no share");
+    }
 }

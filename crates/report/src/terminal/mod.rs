@@ -2,6 +2,7 @@
 
 mod findings;
 mod ink;
+mod plan;
 mod sections;
 mod workspace;
 
@@ -10,6 +11,7 @@ use pkm_diagnose::verdict::Status;
 
 use crate::words;
 use ink::{Ink, Tone};
+pub use plan::plan_terminal;
 pub use workspace::workspace_terminal;
 
 /// Whether the text carries colours.
@@ -46,6 +48,7 @@ pub fn terminal(diagnosis: &Diagnosis, style: Style) -> String {
         sections::unexplained(&mut ink, verdict);
         sections::ruled_out(&mut ink, evidence);
         sections::detectable(&mut ink, &verdict.minimum_detectable);
+        sections::invisible(&mut ink, &verdict.invisible);
     }
     sections::recordings(&mut ink, &verdict.recordings);
     sections::notes(&mut ink, &verdict.notes);

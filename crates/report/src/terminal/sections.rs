@@ -2,7 +2,7 @@
 
 use pkm_diagnose::Verdict;
 use pkm_diagnose::evidence::{ChainStep, Evidence};
-use pkm_diagnose::verdict::{Detectable, Heldout, HeldoutJoint, RecordingUse, Replay};
+use pkm_diagnose::verdict::{Detectable, Heldout, HeldoutJoint, Invisible, RecordingUse, Replay};
 
 use super::ink::{Ink, Tone, bar, clean, left, right, widest};
 use crate::format::{percent, short, significant};
@@ -114,10 +114,15 @@ pub(super) fn ruled_out(ink: &mut Ink, evidence: &Evidence) {
     if evidence.ruled_out.is_empty() {
         return;
     }
-    let chance = if evidence.null_runs > 0 { format!("; chance alone: {}", percent(evidence.null_gain[0])) } else { String::new() };
+    let chance = if evidence.null_runs > 0 {
+        format!("; chance alone reaches {} sigma", significant(evidence.null_surprise[0], 2))
+    } else {
+        String::new()
+    };
     ink.heading(&format!("Ruled out (gain in held-out squared error{chance})"));
     for s in evidence.ruled_out.iter().take(RULED_OUT_MAX) {
-        let start = format!("  {} {} of {}  ", right(&percent(s.gain), 8), s.wins[0], s.wins[1]);
+        let sigma = right(&significant(s.surprise, 2), 7);
+        let start = format!("  {} {sigma} sigma  {} of {}  ", right(&percent(s.gain), 8), s.wins[0], s.wins[1]);
         ink.wrapped(&start, &format!("{}: {}", words::at(&s.effect, &s.place), s.why_not));
     }
     more(ink, evidence.ruled_out.len(), RULED_OUT_MAX);
@@ -143,6 +148,16 @@ pub(super) fn detectable(ink: &mut Ink, sizes: &[Detectable]) {
         ]);
     }
     more(ink, sizes.len(), DETECTABLE_MAX);
+}
+
+/// What no size would show.
+pub(super) fn invisible(ink: &mut Ink, effects: &[Invisible]) {
+    if effects.is_empty() {
+        return;
+    }
+    ink.heading("Not to be seen in any size");
+    let names: Vec<String> = effects.iter().map(|e| words::at(&e.effect, &e.place)).collect();
+    ink.wrapped("  ", &names.join(", "));
 }
 
 /// Says how many entries are not listed.
