@@ -60,6 +60,53 @@ class LookAlike(TypedDict):
     separating_experiment: str
 
 
+class Experiment(TypedDict):
+    """What would separate a finding from `against`, with the cosine of the angle between them now and to expect."""
+
+    against: str
+    where: list[str]
+    intervention: str
+    cos_now: float
+    cos_expected: float
+    separates: bool
+    says: str
+
+
+class PriorGains(TypedDict):
+    """Share of the squared error a finding takes away with the model's inertias exact, within `soft_prior`, and refitted."""
+
+    anchored: float
+    soft: float
+    refit: float
+    soft_prior: float
+    depends: bool
+
+
+class Seen(TypedDict):
+    """An effect and the share of it that the parameters of the model cannot imitate."""
+
+    effect: str
+    where: list[str]
+    kappa: float
+    found: bool
+
+
+class Isolability(TypedDict):
+    """Cosines of the angles between effects, in the order of `effects`."""
+
+    prior: float
+    effects: list[Seen]
+    cosines: list[list[float]]
+
+
+class Invisible(TypedDict):
+    """An effect that no size would have shown."""
+
+    effect: str
+    where: list[str]
+    why: str
+
+
 class Finding(TypedDict):
     """One piece of missing physics: located, named, sized and proven on held-out data."""
 
@@ -77,6 +124,8 @@ class Finding(TypedDict):
     equation: str
     look_alikes: list[LookAlike]
     cannot_tell_from: list[EffectAt]
+    experiments: list[Experiment]
+    depends_on_prior: PriorGains
 
 
 class Unexplained(TypedDict):
@@ -96,6 +145,7 @@ class Detectable(TypedDict):
     parameter: str
     value: float
     unit: str
+    says: str
 
 
 class Verdict(TypedDict):
@@ -110,6 +160,8 @@ class Verdict(TypedDict):
     findings: list[Finding]
     unexplained: Unexplained
     minimum_detectable: list[Detectable]
+    invisible: list[Invisible]
+    isolability: Isolability
     refined_model: str
     says: str
     notes: list[str]

@@ -79,7 +79,7 @@ pub(crate) fn propose(work: &Work, findings: &mut [Finding], band: f64) {
         let known = alias.separating_experiment.clone();
         f.cannot_tell_from[k].separating_experiment = match said.first() {
             Some(e) if e.separates => e.says.clone(),
-            Some(e) => format!("{} {known}", e.says),
+            Some(e) => format!("{} {}", e.says, capital(&known)),
             None => format!(
                 "{known} (no change of motion, load or base orientation that was tried in the model opens the angle, cos {cos_now:.2})"
             ),

@@ -11,8 +11,12 @@ const POINTS: usize = 200;
 /// Share of the travel within which two motions are one: a controller repeats a reference far better, another motion differs far more.
 const SAME: f64 = 0.05;
 
-/// Share of the range of efforts within which they are the same: a motion that is disturbed, or made with another load, is another one.
-const SAME_EFFORT: f64 = 0.04;
+/// Share of the range of efforts within which they are the same, where their noise is smaller: a motion that is disturbed, or made with
+/// another load, is another one.
+const SAME_EFFORT: f64 = 0.005;
+
+/// Standard deviations of noise that efforts of the same motion differ by at most.
+const NOISE: f64 = 3.0;
 
 /// Number of different motions; another load or another base orientation makes a motion another one.
 pub(crate) fn different_motions(motions: &[Motion]) -> usize {
@@ -34,13 +38,14 @@ fn is_same(a: &Segment, b: &Segment) -> bool {
     let step = length(a).min(length(b)) / POINTS as f64;
     let [q_a, q_b] = [a, b].map(|s| thinned(&s.q, s.dt, step));
     let [tau_a, tau_b] = [a, b].map(|s| thinned(&s.tau, s.dt, step));
+    let same_effort = (NOISE * math::hypot(noise(a, &tau_a, step), noise(b, &tau_b, step))).max(SAME_EFFORT);
     let half = POINTS / 2;
     // Every shift at which at least half of the shorter one lies on the other.
     let (n_a, n_b) = (q_a.first().map_or(0, Vec::len), q_b.first().map_or(0, Vec::len));
     (half..(n_a + n_b).saturating_sub(half)).any(|end| {
         let from = (end.saturating_sub(n_b), n_b.saturating_sub(end));
         let n = (n_a - from.0.min(n_a)).min(n_b - from.1);
-        n >= half && distance(&q_a, &q_b, from, n) < SAME && distance(&tau_a, &tau_b, from, n) < SAME_EFFORT
+        n >= half && distance(&q_a, &q_b, from, n) < SAME && distance(&tau_a, &tau_b, from, n) < same_effort
     })
 }
 
@@ -61,6 +66,18 @@ fn distance(a: &[Vec<f64>], b: &[Vec<f64>], (from_a, from_b): (usize, usize), n:
             sum += square / (n as f64 * travel * travel);
             drives += 1;
         }
+    }
+    math::sqrt(sum / drives.max(1) as f64)
+}
+
+/// Noise of the means of efforts, as a share of their range: from second differences of the samples.
+fn noise(s: &Segment, means: &[Vec<f64>], step: f64) -> f64 {
+    let (mut sum, mut drives) = (0.0, 0_usize);
+    for (tau, means) in s.tau.iter().zip(means).filter(|(_, m)| range(m) > 0.0) {
+        let square: f64 = tau.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).map(|d| d * d / 6.0).sum();
+        let of_mean = square / tau.len().max(1) as f64 * (s.dt / step).min(1.0);
+        sum += of_mean / (range(means) * range(means));
+        drives += 1;
     }
     math::sqrt(sum / drives.max(1) as f64)
 }

@@ -111,10 +111,10 @@ fn facts(finding: &Finding, null_runs: usize) -> String {
         put!(
             out,
             "<dt>model's inertias</dt><dd>{warn}takes away {} with them exact, {} within {}, {} refitted</dd>",
-            num(&percent(g.anchored)),
-            num(&percent(g.soft)),
+            num(&percent(g.anchored.max(0.0))),
+            num(&percent(g.soft.max(0.0))),
             num(&percent(g.soft_prior)),
-            num(&percent(g.refit))
+            num(&percent(g.refit.max(0.0)))
         );
     }
     let runs = if null_runs > 0 { format!(" from {null_runs} null runs") } else { String::new() };
@@ -160,7 +160,7 @@ fn experiments(experiments: &[Experiment]) -> String {
         return String::new();
     }
     let mut out = concat!(
-        r#"<h4>What to record next</h4><div class="scroll"><table><thead><tr><th>experiment</th><th>tells it from</th>"#,
+        r#"<div class="alike"><h4>What to record next</h4><div class="scroll"><table><thead><tr><th>experiment</th><th>tells it from</th>"#,
         r#"<th class="n">cosine now</th><th class="n">expected</th><th>enough?</th></tr></thead><tbody>"#
     )
     .to_owned();
@@ -176,7 +176,7 @@ fn experiments(experiments: &[Experiment]) -> String {
             if e.separates { "yes" } else { "no" }
         );
     }
-    out.push_str("</tbody></table></div>");
+    out.push_str("</tbody></table></div></div>");
     out
 }
 

@@ -32,7 +32,7 @@ pub(super) fn finding(ink: &mut Ink, finding: &Finding, null_runs: usize) {
         ink.wrapped("   shows in    ", &shows);
     }
     if let Some(g) = finding.depends_on_prior.filter(|g| g.depends) {
-        let [a, s, r, p] = [g.anchored, g.soft, g.refit, g.soft_prior].map(percent);
+        let [a, s, r, p] = [g.anchored, g.soft, g.refit, g.soft_prior].map(|x| percent(x.max(0.0)));
         ink.wrapped_in(Tone::Warn, "   inertias    ", &format!("takes away {a} with the model's exact, {s} within {p}, {r} refitted"));
     }
     confusions(ink, finding);
