@@ -77,18 +77,21 @@ fn places(robot: &Robot) -> Vec<Place> {
 /// such shape comes back as it is.
 ///
 /// # Errors
-/// Recordings that do not fit the robot.
+/// Recordings that do not fit the robot, a shape that is stated as zero or less.
 pub fn projected(robot: &Robot, fit: &[Recording], kind: Use, rows: RowOptions) -> Result<(Robot, Vec<Shape>), InputError> {
     let places = places(robot);
     if places.is_empty() {
         return Ok((robot.clone(), Vec::new()));
+    }
+    let stated: Vec<f64> = places.iter().map(|p| robot.effects[p.effect].values[p.value]).collect();
+    if let Some((p, &value)) = places.iter().zip(&stated).find(|(_, x)| !(x.is_finite() && **x > 0.0)) {
+        return Err(InputError::Shape { shape: p.name.clone(), value, robot: robot.model.name.clone() });
     }
     let pairs: Vec<(&Recording, Use)> = fit.iter().map(|r| (r, kind)).collect();
     // The band is that of the motion, whatever the shapes.
     let band = Observation::try_new(robot, &pairs, rows)?.band();
     let rows = RowOptions { band_hz: Some(band), ..rows };
     let mut search = Search { robot: robot.clone(), places: &places, pairs: &pairs, rows, noise: Vec::new(), error: None };
-    let stated: Vec<f64> = places.iter().map(|p| robot.effects[p.effect].values[p.value].max(p.lower).max(f64::MIN_POSITIVE)).collect();
     let start: Vec<f64> = stated.iter().map(|x| math::ln(*x)).collect();
     let bounds: Vec<Bounds> = start
         .iter()

@@ -160,13 +160,34 @@ pub fn residual_series(observation: &Observation<'_>, rows: Rows, theta: &[f64])
     Ok(out)
 }
 
-/// The two matrices of the sandwich covariance, over one set of independent columns.
+/// How much the rows of a drive have to say in an estimate that solves `Σ pull·Wᵀ·ψ = 0`: weighted least squares has `ψ = e` and
+/// `pull = bend = 1/σ²`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Say {
+    /// Weight of a row in the derivative of that sum with respect to the parameters.
+    pub bend: f64,
+    /// Weight of a row in the sum.
+    pub pull: f64,
+}
+
+impl Say {
+    /// Of weighted least squares with this standard deviation; none where it is infinite.
+    #[must_use]
+    pub fn weighted(noise: f64) -> Option<Self> {
+        let weight = 1.0 / (noise * noise);
+        noise.is_finite().then_some(Self { bend: weight, pull: weight })
+    }
+}
+
+/// The matrices of the sandwich covariance, over one set of independent columns.
 #[derive(Debug, Clone)]
 pub struct Sandwich {
-    /// `H = Σ WᵀW/σ²`.
+    /// `H = Σ bend·WᵀW`.
     information: Mat<f64>,
-    /// `Ω`: the covariance of `Σ Wᵀe/σ²`.
+    /// `Ω`: the covariance of `Σ pull·Wᵀψ`.
     spread: Mat<f64>,
+    /// The same of white residuals.
+    white: Mat<f64>,
 }
 
 impl Sandwich {
@@ -175,9 +196,18 @@ impl Sandwich {
     /// # Errors
     /// Loops that do not close along a recording.
     pub fn of(observation: &Observation<'_>, kept: &[usize], noise: &[f64], residuals: &[Residual]) -> Result<Self, InputError> {
+        let says: Vec<Option<Say>> = noise.iter().map(|s| Say::weighted(*s)).collect();
+        Self::with(observation, kept, &says, residuals)
+    }
+
+    /// The same for any estimate of the kind of [`Say`], `residuals` being those of its `ψ`; drives without a say do not take part.
+    ///
+    /// # Errors
+    /// Loops that do not close along a recording.
+    pub fn with(observation: &Observation<'_>, kept: &[usize], says: &[Option<Say>], residuals: &[Residual]) -> Result<Self, InputError> {
         let p = kept.len();
-        let mut out = Self { information: Mat::zeros(p, p), spread: Mat::zeros(p, p) };
-        let mut past: Vec<VecDeque<Vec<f64>>> = vec![VecDeque::new(); noise.len()];
+        let mut out = Self { information: Mat::zeros(p, p), spread: Mat::zeros(p, p), white: Mat::zeros(p, p) };
+        let mut past: Vec<VecDeque<Vec<f64>>> = vec![VecDeque::new(); says.len()];
         let mut recording = usize::MAX;
         observation.each(
             Rows::Fitted,
@@ -186,8 +216,8 @@ impl Sandwich {
                     past.iter_mut().for_each(VecDeque::clear);
                     recording = block.recording;
                 }
-                for k in (0..noise.len()).filter(|&k| noise[k].is_finite()) {
-                    out.add((block, k), kept, &mut past[k], 1.0 / (noise[k] * noise[k]), &residuals[k].autocovariance);
+                for (k, say) in says.iter().enumerate().filter_map(|(k, say)| say.map(|say| (k, say))) {
+                    out.add((block, k), kept, &mut past[k], say, &residuals[k].autocovariance);
                 }
             },
             &mut |_| {},
@@ -195,7 +225,7 @@ impl Sandwich {
         Ok(out)
     }
 
-    fn add(&mut self, (block, k): (&Block<'_>, usize), kept: &[usize], past: &mut VecDeque<Vec<f64>>, weight: f64, gamma: &[f64]) {
+    fn add(&mut self, (block, k): (&Block<'_>, usize), kept: &[usize], past: &mut VecDeque<Vec<f64>>, say: Say, gamma: &[f64]) {
         let p = kept.len();
         let (mut now, mut lagged) = (Mat::<f64>::zeros(block.len(), p), Mat::<f64>::zeros(block.len(), p));
         for i in 0..block.len() {
@@ -213,12 +243,39 @@ impl Sandwich {
                 now[(i, j)] = *x;
             }
         }
-        self.information += now.transpose() * &now * faer::Scale(weight);
-        let half = now.transpose() * &lagged * faer::Scale(weight * weight);
+        let gram = now.transpose() * &now;
+        self.information += &gram * faer::Scale(say.bend);
+        self.white += &gram * faer::Scale(say.pull * say.pull * gamma.first().copied().unwrap_or(0.0));
+        let half = now.transpose() * &lagged * faer::Scale(say.pull * say.pull);
         self.spread += &half + half.transpose();
     }
 
-    /// Covariance of weighted least squares on some of the columns, given by their places among `kept`; `None` when it is singular.
+    /// With `diagonal` taken off the information: what total least squares does to it.
+    #[must_use]
+    pub fn less(mut self, diagonal: &[f64]) -> Self {
+        diagonal.iter().enumerate().for_each(|(j, x)| self.information[(j, j)] -= x);
+        self
+    }
+
+    /// Covariance of an estimate `C·x` that is drawn to a prior with the `precision` of `x`, the prior counted as knowledge:
+    /// `K·Ω·K + C·M⁻¹·Λ·M⁻¹·Cᵀ` with `M = Cᵀ·H·C + Λ` and `K = C·M⁻¹·Cᵀ`, which is `(H + Λ)⁻¹` for white residuals and `C = 1`; `None`
+    /// when `M` is singular.
+    #[must_use]
+    pub fn drawn(&self, c: &Mat<f64>, precision: &Mat<f64>) -> Option<Mat<f64>> {
+        let m = c.transpose() * &self.information * c + precision;
+        let n = m.nrows();
+        let length: Vec<f64> = (0..n).map(|j| m[(j, j)].sqrt().max(f64::MIN_POSITIVE)).collect();
+        let scaled = Mat::from_fn(n, n, |i, j| m[(i, j)] / (length[i] * length[j]));
+        let inverse = scaled.llt(Side::Lower).ok()?.solve(Mat::<f64>::identity(n, n));
+        let inverse = Mat::from_fn(n, n, |i, j| inverse[(i, j)] / (length[i] * length[j]));
+        let through = c * &inverse;
+        let k = &through * c.transpose();
+        let mut sandwich = &k * &self.spread * &k;
+        at_least_white(&mut sandwich, &(&k * &self.white * &k));
+        Some(sandwich + &through * precision * through.transpose())
+    }
+
+    /// Covariance of the estimate of some of the columns, given by their places among `kept`; `None` when it is singular.
     #[must_use]
     pub fn covariance(&self, of: &[usize]) -> Option<Mat<f64>> {
         let p = of.len();
@@ -227,7 +284,7 @@ impl Sandwich {
         let scaled = |m: &Mat<f64>| Mat::from_fn(p, p, |i, j| m[(of[i], of[j])] / (length[i] * length[j]));
         let inverse = scaled(&self.information).llt(Side::Lower).ok()?.solve(Mat::<f64>::identity(p, p));
         let mut sandwich = &inverse * scaled(&self.spread) * &inverse;
-        at_least_white(&mut sandwich, &inverse);
+        at_least_white(&mut sandwich, &(&inverse * scaled(&self.white) * &inverse));
         Some(Mat::from_fn(p, p, |i, j| sandwich[(i, j)] / (length[i] * length[j])))
     }
 }
@@ -261,11 +318,12 @@ mod tests {
             let part = new.transpose() * old * faer::Scale(if lag == 0 { 0.5 * gamma } else { *gamma });
             spread += &part + part.transpose();
         }
-        let sandwich = Sandwich { information: columns.transpose() * &columns, spread };
+        let gram = columns.transpose() * &columns;
+        let sandwich = Sandwich { white: &gram * faer::Scale(gamma[0]), information: gram, spread };
         let places: Vec<usize> = (0..p).collect();
         let covariance = sandwich.covariance(&places).unwrap();
-        // Of unit weights, that of white noise of variance one.
-        let white = 2.0 / n as f64;
+        // Of unit weights and columns of square n/2, that of white noise of the residual's variance.
+        let white = 2.0 * gamma[0] / n as f64;
         assert!(places.iter().all(|&k| covariance[(k, k)] > 0.99 * white), "{covariance:?}");
     }
 
