@@ -327,6 +327,73 @@ mod tests {
         assert!(places.iter().all(|&k| covariance[(k, k)] > 0.99 * white), "{covariance:?}");
     }
 
+    /// Information `H` of rows in three columns, white residuals of variance `gamma`.
+    fn white(columns: &Mat<f64>, gamma: f64) -> Sandwich {
+        let gram = columns.transpose() * columns;
+        Sandwich { spread: &gram * faer::Scale(gamma), white: &gram * faer::Scale(gamma), information: gram }
+    }
+
+    #[test]
+    fn a_prior_is_counted_as_knowledge_and_a_face_is_the_rest_of_the_columns() {
+        let columns = Mat::from_fn(200, 3, |i, j| pkm_dyn::math::sin(0.1 * (i * (j + 1)) as f64 + j as f64) * (j + 1) as f64);
+        let (one, white) = (Mat::<f64>::identity(3, 3), white(&columns, 1.0));
+        let precision = Mat::from_fn(3, 3, |i, j| if i == j { 50.0 * (i + 1) as f64 } else { 0.0 });
+        // White residuals of unit variance: the posterior is (H + Λ)⁻¹.
+        let found = white.drawn(&one, &precision).unwrap();
+        let product = (&white.information + &precision) * &found;
+        assert!((&product - &one).norm_max() < 1e-10, "{product:?}");
+        // Without a prior, on the face where the second parameter stays: the covariance of the other two, and none of the second.
+        let face = Mat::from_fn(3, 2, |i, j| f64::from(u8::from(i == 2 * j)));
+        let (held, rest) = (white.drawn(&face, &Mat::zeros(2, 2)).unwrap(), white.covariance(&[0, 2]).unwrap());
+        for i in 0..3 {
+            for j in 0..3 {
+                let want = if i == 1 || j == 1 { 0.0 } else { rest[(i / 2, j / 2)] };
+                assert!((held[(i, j)] - want).abs() < 1e-12, "{i} {j}: {} {want}", held[(i, j)]);
+            }
+        }
+    }
+
+    #[test]
+    fn total_least_squares_holds_the_truth_where_columns_and_target_are_noisy_alike() {
+        use crate::estimate::least_squares::total;
+        use crate::factor::Factor;
+        let (n, runs, truth) = (400, 300, [1.0, -2.0, 0.5]);
+        let all = noise(n * 4 * runs);
+        let (mut inside, mut below) = (0, 0);
+        for run in 0..runs {
+            let e = |i: usize, j: usize| all[(run * n + i) * 4 + j];
+            let clean = |i: usize, j: usize| 1.4 * pkm_dyn::math::sin((0.31 + 0.4 * j as f64) * i as f64);
+            let size = [clean_square(&clean, 0, n), clean_square(&clean, 1, n), clean_square(&clean, 2, n)];
+            let target = |i: usize| (0..3).map(|j| truth[j] * clean(i, j)).sum::<f64>();
+            let target_size = ((0..n).map(|i| target(i) * target(i)).sum::<f64>() / n as f64).sqrt();
+            // A fifth of every column's and of the target's rms.
+            let columns = Mat::from_fn(n, 3, |i, j| clean(i, j) + 0.2 * size[j] * e(i, j));
+            let mut factor = Factor::new(3);
+            let z: Vec<f64> = (0..n).map(|i| target(i) + 0.2 * target_size * e(i, 3)).collect();
+            for i in 0..n {
+                let row: Vec<f64> = (0..3).map(|j| columns[(i, j)]).collect();
+                factor.push(&row, z[i], z[i]);
+            }
+            let found = total(&factor.triangle(), &[0, 1, 2]).unwrap();
+            let left = factor.error_square(&found.values) / (n - 3) as f64;
+            let covariance = white(&columns, left).less(&found.noise).covariance(&[0, 1, 2]).unwrap();
+            let plain = white(&columns, left).covariance(&[0, 1, 2]).unwrap();
+            for (j, want) in truth.iter().enumerate() {
+                let miss = (found.values[j] - want).abs() / 1.96;
+                inside += usize::from(miss <= covariance[(j, j)].sqrt());
+                below += usize::from(miss <= plain[(j, j)].sqrt());
+            }
+        }
+        let share = |count: usize| count as f64 / (3 * runs) as f64;
+        assert!((0.92..0.985).contains(&share(inside)), "{}", share(inside));
+        // Noise in the columns makes them look longer: intervals that do not take it off are too narrow.
+        assert!(share(below) < share(inside), "{} {}", share(below), share(inside));
+    }
+
+    fn clean_square(clean: &dyn Fn(usize, usize) -> f64, j: usize, n: usize) -> f64 {
+        ((0..n).map(|i| clean(i, j) * clean(i, j)).sum::<f64>() / n as f64).sqrt()
+    }
+
     /// Numbers that look random: a linear congruence, summed to be near normal.
     fn noise(n: usize) -> Vec<f64> {
         let mut x = 12345_u64;

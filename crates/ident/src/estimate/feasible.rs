@@ -582,6 +582,35 @@ mod tests {
     }
 
     #[test]
+    fn the_tangent_has_the_curvature_of_the_prior_and_no_direction_through_a_bound() {
+        let columns = Columns::new(&robot());
+        let free: Vec<usize> = (0..columns.len()).collect();
+        let space = Space::new(&columns, &free, &vec![0.0; columns.len()], &vec![1.0; columns.len()]).unwrap();
+        // Some other body, and viscous friction at zero.
+        let mut x = space.nominal();
+        for (c, x) in x.iter_mut().take(HALF_4).enumerate() {
+            *x += 0.1 * pkm_dyn::math::sin(1.0 + c as f64);
+        }
+        let viscous = columns.index("j.viscous").unwrap();
+        let place = HALF_4 + space.scalars.iter().position(|s| s.0 == viscous).unwrap();
+        x[place] = space.lower[place - HALF_4];
+        let tangent = space.tangent(&x, 7, Prior::Entropic, 0.5);
+        assert_eq!(tangent.at_bound, [viscous]);
+        assert!((0..tangent.map.ncols()).all(|c| tangent.map[(viscous, c)].abs() < 1e-12) && tangent.map.ncols() == space.n() - 1);
+        let value = |x: &[f64]| {
+            let s = Space::matrix(x, 0);
+            s.trace() - pkm_dyn::math::ln(s.determinant()) - 4.0 + x[HALF_4..].iter().map(|x| 0.5 * x * x).sum::<f64>()
+        };
+        // Second differences along every free direction, of the prior of seven rows of weight a half.
+        let directions = beside(space.n(), &[(0..space.n()).map(|c| f64::from(u8::from(c == place))).collect()]);
+        for c in 0..directions.ncols() {
+            let at = |t: f64| value(&x.iter().enumerate().map(|(i, x)| x + t * directions[(i, c)]).collect::<Vec<_>>());
+            let bend = 3.5 * (at(1e-3) - 2.0 * at(0.0) + at(-1e-3)) / 1e-6;
+            assert!((tangent.precision[(c, c)] / bend - 1.0).abs() < 1e-4, "{c}: {} {bend}", tangent.precision[(c, c)]);
+        }
+    }
+
+    #[test]
     fn what_is_not_seen_stays_nominal() {
         let columns = Columns::new(&robot());
         let nominal = columns.nominal();
