@@ -435,9 +435,10 @@ fn robust_intervals_of_normal_noise_are_wider_by_what_robustness_costs() {
     let runs = if is_long() { 40 } else { 4 };
     let widths = [Method::Wls, Method::Huber, Method::Bisquare].map(|m| coverage(&truth, &sharp(m), runs, [0.05, 0.0]).width());
     for width in &widths[1..] {
-        // Tuned to 95 % efficiency at normal noise: sqrt(1/0.95) times as wide [Holland1977].
+        // Tuned to 95 % efficiency at white normal noise, sqrt(1/0.95) = 1.026 times as wide [Holland1977]; behind a filter neighbours are
+        // alike, and less so once large ones are cut.
         let ratio = math::exp(width - widths[0]);
-        assert!((ratio * 0.95_f64.sqrt() - 1.0).abs() < 0.02, "{ratio}");
+        assert!((1.0..1.04).contains(&ratio), "{ratio}");
     }
 }
 
@@ -452,7 +453,8 @@ fn parameters_at_the_edge_of_what_is_physical_are_named_and_their_intervals_one_
     for answer in &found.answers {
         let p = answer.parameters.iter().find(|p| p.name == name).expect("friction is a base parameter by itself");
         let is_named = answer.notes.iter().any(|n| matches!(n, Note::AtBound { parameters } if parameters.contains(&name)));
-        assert_eq!(is_named, p.value < 1e-6, "{p:?} {:?}", answer.notes);
+        // The solver comes as near to a bound as its tolerance.
+        assert!(if is_named { p.value < 1e-5 } else { p.value > 1e-7 }, "{p:?} {:?}", answer.notes);
         assert!(!is_named || (p.ci95[0] >= -1e-9 && p.ci95[1] > 0.0), "{p:?}");
         at_edge += usize::from(is_named);
         inside += usize::from(p.ci95[0] <= 1e-9 && p.ci95[1] >= 0.0);

@@ -394,7 +394,10 @@ impl Work<'_, '_, '_> {
             }
             Method::Ridge => {
                 let (values, precision) = self.ridge(&factors, set, &noise);
-                spread = Spread::Drawn(precision);
+                // A weight that predicts best may hold the nominal robot for nearer than it is; its size is then that of the deviations.
+                let off = set.project(&weighted).into_iter().zip(set.project(&self.columns().nominal())).map(|(x, n)| x - n);
+                let square: f64 = off.zip(&precision).map(|(d, p)| p * d * d).sum();
+                spread = Spread::Drawn(precision, (square / kept.len().max(1) as f64).max(1.0));
                 with_fixed(scatter(&values, kept, p))
             }
             Method::Huber | Method::Bisquare => {

@@ -46,9 +46,9 @@ pub struct Shape {
     pub stated: f64,
     /// As found.
     pub value: f64,
-    /// 95 % interval, from the curvature of the profile; the whole range when the profile is flat.
+    /// 95 % interval, from the curvature of the profile; to an end of the range where the shape there does as well as the one found.
     pub ci95: [f64; 2],
-    /// Whether the motion shows this shape: the search ended inside its range, and with curvature.
+    /// Whether the motion shows this shape: the search ended inside its range, with curvature, and neither end of it does as well.
     pub is_shown: bool,
 }
 
@@ -103,24 +103,34 @@ pub fn projected(robot: &Robot, fit: &[Recording], kind: Use, rows: RowOptions) 
     let options = Options { evaluations: WALKS * places.len(), step: 5e-3, cost: 1e-6 };
     let found = nelder_mead(&mut |x| search.cost(x), &start, &steps, &bounds, &options);
     let values = if found.ending == Ending::NoStart { start } else { found.x };
-    let spread = search.spread(&values)?;
+    let spread = search.spread(&values, &bounds)?;
     if let Some(error) = search.error {
         return Err(error);
     }
     let robot = search.with(&values);
     let shape = |(k, p): (usize, &Place)| {
         let at_edge = (values[k] - bounds[k].lower).min(bounds[k].upper - values[k]) < 0.01;
-        let half = spread[k];
+        let Spread { half, reaches: [low, high] } = spread[k];
+        let [below, above] = [low, high].map(|reaches| if reaches { f64::INFINITY } else { half });
         Shape {
             name: p.name.clone(),
             unit: p.unit,
             stated: stated[k],
             value: math::exp(values[k]),
-            ci95: [math::exp((values[k] - half).max(bounds[k].lower)), math::exp((values[k] + half).min(bounds[k].upper))],
-            is_shown: !at_edge && half < math::ln(RANGE),
+            ci95: [math::exp((values[k] - below).max(bounds[k].lower)), math::exp((values[k] + above).min(bounds[k].upper))],
+            is_shown: !at_edge && half < math::ln(RANGE) && !low && !high,
         }
     };
     Ok((robot, places.iter().enumerate().map(shape).collect()))
+}
+
+/// Interval of a shape's logarithm.
+#[derive(Clone, Copy)]
+struct Spread {
+    /// Half width of the 95 % interval by the curvature; infinite without.
+    half: f64,
+    /// Whether the lower and the upper end of the range do as well as the shape found.
+    reaches: [bool; 2],
 }
 
 struct Search<'s> {
@@ -194,8 +204,8 @@ impl Search<'_> {
         Ok((squared_error(&triangle, &theta), theta))
     }
 
-    /// Half widths of the 95 % intervals of the logarithms; infinite without curvature.
-    fn spread(&mut self, x: &[f64]) -> Result<Vec<f64>, InputError> {
+    /// Intervals of the logarithms.
+    fn spread(&mut self, x: &[f64], bounds: &[Bounds]) -> Result<Vec<Spread>, InputError> {
         let n = x.len();
         let (middle, theta) = self.solved(x)?;
         let mut at = |i: usize, k: usize, si: f64, sk: f64| {
@@ -217,9 +227,20 @@ impl Search<'_> {
         let residuals: Vec<Residual> = residual_series(&observation, Rows::Fitted, &theta)?.iter().map(|s| Residual::of(s, 1.0)).collect();
         let colour = residuals.iter().map(Residual::colour).fold(1.0, f64::max);
         let critical = critical_95(residuals.iter().map(Residual::bandwidth).fold(0.0, f64::max));
-        let Ok(llt) = bend.llt(Side::Lower) else { return Ok(vec![f64::INFINITY; n]) };
-        let inverse = llt.solve(Mat::<f64>::identity(n, n));
-        Ok((0..n).map(|k| critical * (colour * inverse[(k, k)].max(0.0)).sqrt()).collect())
+        let inverse = bend.llt(Side::Lower).ok().map(|llt| llt.solve(Mat::<f64>::identity(n, n)));
+        let mut out = Vec::new();
+        for (k, bound) in bounds.iter().enumerate() {
+            let half = inverse.as_ref().map_or(f64::INFINITY, |c| critical * (colour * c[(k, k)].max(0.0)).sqrt());
+            // A law that is hardly there has a bent profile all the same, between ends at which it is another law's: the interval of the
+            // likelihood ratio goes as far as the error does not grow by what chance brings.
+            let reaches = [bound.lower, bound.upper].map(|end| {
+                let mut there = x.to_vec();
+                there[k] = end;
+                self.cost(&there) - middle < critical * critical * colour
+            });
+            out.push(Spread { half, reaches });
+        }
+        Ok(out)
     }
 }
 

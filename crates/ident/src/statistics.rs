@@ -259,9 +259,9 @@ impl Sandwich {
 
     /// Covariance of an estimate `C·x` that is drawn to a prior with the `precision` of `x`, the prior counted as knowledge:
     /// `K·Ω·K + C·M⁻¹·Λ·M⁻¹·Cᵀ` with `M = Cᵀ·H·C + Λ` and `K = C·M⁻¹·Cᵀ`, which is `(H + Λ)⁻¹` for white residuals and `C = 1`; `None`
-    /// when `M` is singular.
+    /// when `M` is singular. `slack` is the variance about the prior over the one it states: 1 for a prior that is taken at its word.
     #[must_use]
-    pub fn drawn(&self, c: &Mat<f64>, precision: &Mat<f64>) -> Option<Mat<f64>> {
+    pub fn drawn(&self, c: &Mat<f64>, precision: &Mat<f64>, slack: f64) -> Option<Mat<f64>> {
         let m = c.transpose() * &self.information * c + precision;
         let n = m.nrows();
         let length: Vec<f64> = (0..n).map(|j| m[(j, j)].sqrt().max(f64::MIN_POSITIVE)).collect();
@@ -272,7 +272,7 @@ impl Sandwich {
         let k = &through * c.transpose();
         let mut sandwich = &k * &self.spread * &k;
         at_least_white(&mut sandwich, &(&k * &self.white * &k));
-        Some(sandwich + &through * precision * through.transpose())
+        Some(sandwich + &through * precision * through.transpose() * faer::Scale(slack))
     }
 
     /// Covariance of the estimate of some of the columns, given by their places among `kept`; `None` when it is singular.
@@ -339,12 +339,12 @@ mod tests {
         let (one, white) = (Mat::<f64>::identity(3, 3), white(&columns, 1.0));
         let precision = Mat::from_fn(3, 3, |i, j| if i == j { 50.0 * (i + 1) as f64 } else { 0.0 });
         // White residuals of unit variance: the posterior is (H + Λ)⁻¹.
-        let found = white.drawn(&one, &precision).unwrap();
+        let found = white.drawn(&one, &precision, 1.0).unwrap();
         let product = (&white.information + &precision) * &found;
         assert!((&product - &one).norm_max() < 1e-10, "{product:?}");
         // Without a prior, on the face where the second parameter stays: the covariance of the other two, and none of the second.
         let face = Mat::from_fn(3, 2, |i, j| f64::from(u8::from(i == 2 * j)));
-        let (held, rest) = (white.drawn(&face, &Mat::zeros(2, 2)).unwrap(), white.covariance(&[0, 2]).unwrap());
+        let (held, rest) = (white.drawn(&face, &Mat::zeros(2, 2), 1.0).unwrap(), white.covariance(&[0, 2]).unwrap());
         for i in 0..3 {
             for j in 0..3 {
                 let want = if i == 1 || j == 1 { 0.0 } else { rest[(i / 2, j / 2)] };

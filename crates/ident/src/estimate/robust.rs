@@ -58,13 +58,17 @@ impl Loss {
         }
     }
 
-    /// What the reweighting leaves of residuals `[drive][recording][row]`, `σ·ψ(e/σ)`, and the mean bend of every drive \[Huber1981\]: the
-    /// estimate solves `Σ Wᵀψ/σ = 0`. Rows that are not used (zero) stay zero and do not count.
+    /// What the reweighting leaves of residuals `[drive][recording][row]`, `σ·ψ(e/σ)`, and the mean bend of every drive: the estimate solves
+    /// `Σ Wᵀψ/σ = 0`. Rows that are not used (zero) stay zero and do not count. The bend is that of a fit of which `freedom` is the share
+    /// of degrees of freedom left, by the correction of first order of \[Huber1981, section 7.6\].
     #[must_use]
-    pub fn cut(self, series: &[Vec<Vec<f64>>], noise: &[f64]) -> (Vec<Vec<Vec<f64>>>, Vec<f64>) {
+    pub fn cut(self, series: &[Vec<Vec<f64>>], noise: &[f64], freedom: f64) -> (Vec<Vec<Vec<f64>>>, Vec<f64>) {
         let each = |(drive, sigma): (&Vec<Vec<f64>>, &f64)| {
             let used = || drive.iter().flatten().filter(|e| e.abs() > 0.0);
-            let bend = used().map(|e| self.bend(e / sigma)).sum::<f64>() / used().count().max(1) as f64;
+            let mean = |of: &dyn Fn(f64) -> f64| used().map(|e| of(self.bend(e / sigma))).sum::<f64>() / used().count().max(1) as f64;
+            let (bend, square) = (mean(&|b| b), mean(&|b| b * b));
+            let variance = (square - bend * bend) / (bend * bend).max(f64::MIN_POSITIVE);
+            let bend = bend / (1.0 + (1.0 - freedom) * variance);
             // A row without weight is a row all the same.
             let cut = |e: &f64| if e.abs() > 0.0 { (e * self.weight(e / sigma)).abs().max(f64::MIN_POSITIVE).copysign(*e) } else { 0.0 };
             (drive.iter().map(|s| s.iter().map(cut).collect()).collect(), bend)
@@ -199,7 +203,7 @@ mod tests {
                 assert!((loss.bend(u) - difference).abs() < 1e-6, "{loss:?} {u}: {} {difference}", loss.bend(u));
             }
         }
-        let (cut, bend) = Loss::Huber.cut(&[vec![vec![1.0, 0.0, -4.0, 20.0]]], &[2.0]);
+        let (cut, bend) = Loss::Huber.cut(&[vec![vec![1.0, 0.0, -4.0, 20.0]]], &[2.0], 1.0);
         assert!((bend[0] - 1.0 / 3.0).abs() < 1e-15);
         assert!((cut[0][0][2] + 2.0 * HUBER).abs() < 1e-12 && (cut[0][0][3] - 2.0 * HUBER).abs() < 1e-12 && cut[0][0][1].abs() <= 0.0);
     }

@@ -26,8 +26,9 @@ pub(super) enum Spread {
     Cut(Loss),
     /// Square of every kept column that is noise.
     Total(Vec<f64>),
-    /// Precision that every kept column is drawn to the nominal robot with.
-    Drawn(Vec<f64>),
+    /// Precision that every kept column is drawn to the nominal robot with, and how much wider than that the recordings find the nominal
+    /// robot off.
+    Drawn(Vec<f64>, f64),
     /// Bounds and prior of the physical estimate, and the weighted estimate without them.
     Physical(Box<Tangent>, Vec<f64>),
 }
@@ -38,7 +39,7 @@ impl Spread {
         match self {
             Self::Weighted | Self::Ordinary | Self::Cut(_) => Intervals::Sampling,
             Self::Total(_) => Intervals::FirstOrder,
-            Self::Drawn(_) | Self::Physical(..) => Intervals::Posterior,
+            Self::Drawn(..) | Self::Physical(..) => Intervals::Posterior,
         }
     }
 }
@@ -50,7 +51,7 @@ impl Work<'_, '_, '_> {
         let found = match &fit.spread {
             // The spread of an estimate by instruments is that of the instruments, which have no noise of their own.
             _ if self.instruments.is_some() => Sandwich::of(&self.foretold(&self.foretold)?, kept, &fit.noise, residuals)?,
-            Spread::Weighted | Spread::Drawn(_) | Spread::Physical(..) => Sandwich::of(self.observation, kept, &fit.noise, residuals)?,
+            Spread::Weighted | Spread::Drawn(..) | Spread::Physical(..) => Sandwich::of(self.observation, kept, &fit.noise, residuals)?,
             Spread::Total(noise) => Sandwich::of(self.observation, kept, &fit.noise, residuals)?.less(noise),
             Spread::Ordinary => {
                 let says: Vec<Option<Say>> = self.usable.iter().map(|usable| usable.then_some(Say { bend: 1.0, pull: 1.0 })).collect();
@@ -58,7 +59,7 @@ impl Work<'_, '_, '_> {
             }
             Spread::Cut(loss) => {
                 let series = residual_series(self.observation, Rows::Fitted, &fit.direct)?;
-                let (cut, bend) = loss.cut(&series, &fit.noise);
+                let (cut, bend) = loss.cut(&series, &fit.noise, freedom);
                 let left: Vec<Residual> = cut.iter().map(|s| Residual::of(s, freedom)).collect();
                 let say = |(k, noise): (usize, &f64)| {
                     Say::weighted(*noise).filter(|_| self.usable[k]).map(|s| Say { bend: bend[k] * s.bend, ..s })
@@ -77,11 +78,13 @@ impl Work<'_, '_, '_> {
         let unknown = || Mat::from_fn(n, n, |_, _| f64::MAX);
         let plain = || sandwich.covariance(places).unwrap_or_else(unknown);
         let covariance = match &fit.spread {
-            Spread::Drawn(precision) => {
+            Spread::Drawn(precision, slack) => {
                 let precision = Mat::from_fn(n, n, |i, j| if i == j { precision[i] } else { 0.0 });
-                sandwich.drawn(&Mat::identity(n, n), &precision).unwrap_or_else(unknown)
+                sandwich.drawn(&Mat::identity(n, n), &precision, *slack).unwrap_or_else(unknown)
             }
-            Spread::Physical(tangent, _) => sandwich.drawn(&set.combinations(&tangent.map), &tangent.precision).unwrap_or_else(unknown),
+            Spread::Physical(tangent, _) => {
+                sandwich.drawn(&set.combinations(&tangent.map), &tangent.precision, 1.0).unwrap_or_else(unknown)
+            }
             _ => plain(),
         };
         let (nominal, value) = (set.project(&self.columns().nominal()), set.project(&fit.direct));
