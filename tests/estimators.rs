@@ -306,21 +306,12 @@ fn a_shape_that_the_motion_does_not_show_is_said() {
     let ends = [(shape.ci95[0] / 0.6e-3 - 1.0).abs() < 1e-9, (shape.ci95[1] / 600.0 - 1.0).abs() < 1e-9];
     assert!(ends.contains(&true) && shape.ci95[0] < shape.value && shape.value < shape.ci95[1], "{shape:?}");
     // A friction peak that is there is shown by the same motion.
-    let peak = Applied::try_new(
-        &description.bare,
-        "friction_stribeck",
-        "j1",
-        &[("coulomb".to_string(), 0.0), ("stiction".to_string(), 2.0), ("stribeck_velocity".to_string(), 0.3)],
-    );
-    let truth = Robot::new(description.bare.clone(), vec![peak.expect("an effect")]);
-    let train = made(&truth, 1, 12.0, 0.02);
-    for (band, soft) in [(None, 0.003), (Some(10.0), 0.003), (None, 1e-6), (Some(10.0), 1e-6)] {
-        let rows = RowOptions { band_hz: band, softness: soft, ..RowOptions::default() };
-        let answer = go(&description.robot, from_ref(&train), &[], &Settings { rows, shapes: Shapes::Estimated, ..Settings::default() });
-        println!("DBG {band:?} {soft} {} {:?}", answer.band_hz, answer.shapes);
-    }
-    let rows = RowOptions { band_hz: Some(10.0), softness: 1e-6, ..RowOptions::default() };
-    let answer = go(&description.robot, &[train], &[], &Settings { rows, shapes: Shapes::Estimated, ..Settings::default() });
+    let mut model = description.bare.clone();
+    model.joints.iter_mut().for_each(|j| j.coulomb = 0.0);
+    let values = [("coulomb", 0.5), ("stiction", 2.0), ("stribeck_velocity", 0.3)].map(|(n, x)| (n.to_string(), x));
+    let peak = Applied::try_new(&model, "friction_stribeck", "j1", &values).expect("an effect");
+    let train = made(&Robot::new(model, vec![peak]), 1, 12.0, 0.02);
+    let answer = go(&description.robot, &[train], &[], &Settings { shapes: Shapes::Estimated, ..Settings::default() });
     let shape = &answer.shapes[0];
     assert!(shape.is_shown && shape.ci95[0] < 0.3 && 0.3 < shape.ci95[1] && shape.ci95[1] < 2.0 * shape.ci95[0], "{shape:?}");
 }

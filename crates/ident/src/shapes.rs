@@ -11,7 +11,7 @@ use crate::columns::{is_friction_law, is_linear};
 use crate::error::InputError;
 use crate::estimate::least_squares;
 use crate::estimate::weighted::{drive_noise, scatter};
-use crate::factor::{Factors, squared_error};
+use crate::factor::Factors;
 use crate::minimise::nelder_mead::{Options, nelder_mead};
 use crate::minimise::{Bounds, Ending};
 use crate::motion::Use;
@@ -138,7 +138,7 @@ struct Search<'s> {
     places: &'s [Place],
     pairs: &'s [(&'s Recording, Use)],
     rows: RowOptions,
-    /// Noise of the drives at the first shapes: one yardstick for all.
+    /// Noise of the drives at the first shapes: the unit of the cost.
     noise: Vec<f64>,
     error: Option<InputError>,
 }
@@ -195,18 +195,27 @@ impl Search<'_> {
         };
         let even: Vec<f64> = (0..usable.len()).map(size).collect();
         let kept = independent(&factors.weighted(&even).triangle());
-        if self.noise.is_empty() {
-            self.noise = drive_noise(&factors, &kept, &usable);
-        }
-        let weights: Vec<f64> = self.noise.iter().map(|s| 1.0 / s).collect();
+        let noise = drive_noise(&factors, &kept, &usable);
+        let weights: Vec<f64> = noise.iter().map(|s| 1.0 / s).collect();
         let triangle = factors.weighted(&weights).triangle();
         let theta = scatter(&least_squares::ordinary(&triangle, &kept), &kept, factors.n_columns());
-        Ok((squared_error(&triangle, &theta), theta))
+        if self.noise.is_empty() {
+            self.noise.clone_from(&noise);
+        }
+        // The likelihood with every drive's noise as these shapes leave it: a yardstick from wrong shapes would not listen to the drive that
+        // they spoil. As a power of it, so that it is a squared error about the first shapes.
+        let of = |k: usize| factors.drive(k).count() as f64 * 2.0 * math::ln(noise[k] / self.noise[k]);
+        let rows: usize = (0..usable.len()).filter(|&k| usable[k]).map(|k| factors.drive(k).count()).sum();
+        let rows = rows.max(1) as f64;
+        let log: f64 = (0..usable.len()).filter(|&k| usable[k]).map(of).sum();
+        Ok((rows * math::exp(log / rows), theta))
     }
 
     /// Intervals of the logarithms.
     fn spread(&mut self, x: &[f64], bounds: &[Bounds]) -> Result<Vec<Spread>, InputError> {
         let n = x.len();
+        // Errors in units of the noise that the shapes found leave.
+        self.noise.clear();
         let (middle, theta) = self.solved(x)?;
         let mut at = |i: usize, k: usize, si: f64, sk: f64| {
             let mut there = x.to_vec();
