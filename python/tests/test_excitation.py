@@ -1,9 +1,8 @@
-"""Excitation: a motion as arrays that scipy and the robot's own limits agree with, and as a file that plays."""
+"""Excitation: a motion as arrays that differences and numpy agree with, and as a file that is read back."""
 
 import numpy as np
 import pkm
 import pytest
-from scipy.interpolate import CubicSpline
 
 QUICK = {"period_s": 8.0, "restarts": 2, "draws": 6, "iterations": 12, "hold": ["passive-friction"]}
 
@@ -22,9 +21,10 @@ def test_a_motion_begins_at_rest_and_its_derivatives_are_derivatives(found):
     np.testing.assert_allclose(q[-1], q[0], atol=1e-12)
     for end in (v[0], a[0], v[-1], a[-1]):
         np.testing.assert_allclose(end, 0, atol=1e-9)
-    spline = CubicSpline(t, q)
-    np.testing.assert_allclose(spline(t[5:-5], 1), v[5:-5], atol=1e-5 * np.abs(v).max())
-    np.testing.assert_allclose(spline(t[5:-5], 2), a[5:-5], atol=1e-3 * np.abs(a).max())
+    # Central differences of fourth order.
+    difference = lambda x: (x[:-4] - 8 * x[1:-3] + 8 * x[3:-1] - x[4:]) / (12 * (t[1] - t[0]))
+    np.testing.assert_allclose(difference(q), v[2:-2], atol=1e-6 * np.abs(v).max())
+    np.testing.assert_allclose(difference(v), a[2:-2], atol=1e-6 * np.abs(a).max())
     again = motion.sample(t + 3 * motion.period_s)
     for x, y in zip(again, (q, v, a), strict=True):
         np.testing.assert_allclose(x, y, atol=1e-9)
