@@ -6,6 +6,7 @@ Arrays are C-ordered (n_samples, n_joints), float64, SI units. Names are those o
 from . import evidence, plot, robots, verdict
 from ._pkm import (
     Controller,
+    Excitation,
     Identification,
     Mu,
     Recording,
@@ -14,6 +15,7 @@ from ._pkm import (
     __version__,
     diagnose,
     effects,
+    excite,
     load,
     mu,
     read,
@@ -23,6 +25,7 @@ from ._pkm import (
 
 __all__ = [
     "Controller",
+    "Excitation",
     "Identification",
     "Mu",
     "Recording",
@@ -32,6 +35,7 @@ __all__ = [
     "diagnose",
     "effects",
     "evidence",
+    "excite",
     "load",
     "mu",
     "plot",

@@ -12,6 +12,7 @@ from .verdict import Finding, Verdict
 
 __all__ = [
     "Controller",
+    "Excitation",
     "Identification",
     "Mu",
     "Recording",
@@ -20,6 +21,7 @@ __all__ = [
     "__version__",
     "diagnose",
     "effects",
+    "excite",
     "load",
     "load_shipped",
     "mu",
@@ -51,6 +53,83 @@ class Singularities(TypedDict):
     loosest_motion: NDArray[numpy.float64]
     loosest_output: NDArray[numpy.float64]
     coordinates: list[str]
+
+@type_check_only
+class FrictionShape(TypedDict):
+    """A value that a friction law is not linear in."""
+
+    name: str
+    unit: str
+    stated: float
+    value: float
+    ci95: list[float]
+    is_shown: bool
+
+@type_check_only
+class DriveGain(TypedDict):
+    """Acting effort over recorded effort, and the share of the recorded effort that the known load is."""
+
+    gain: float
+    ci95: list[float]
+    load_share: float
+
+@type_check_only
+class DriveGains(TypedDict):
+    """Gains by driven joint; empty where there is nothing to tell them from."""
+
+    status: Literal["identified", "doubtful", "not_identified"]
+    notes: list[str]
+    drives: dict[str, DriveGain]
+
+@type_check_only
+class Estimated(TypedDict):
+    """A number with its 95 % interval."""
+
+    name: str
+    unit: str
+    value: float
+    ci95: list[float]
+
+@type_check_only
+class Payload(TypedDict):
+    """A body that can exist, about the frame of the link, and what the motion shows of it before anything physical is asked."""
+
+    link: str
+    status: Literal["identified", "doubtful", "not_identified"]
+    notes: list[str]
+    body: dict[str, float]
+    shown: list[Estimated]
+
+@type_check_only
+class Separation(TypedDict):
+    """Two effects after the base parameters have explained what they can."""
+
+    cosine: float
+    angle_deg: float
+    left: list[float]
+    effort: list[float]
+    alone: list[float]
+
+@type_check_only
+class Quality(TypedDict, total=False):
+    """How good a motion is; `separation` with two effects only."""
+
+    condition: float
+    condition_raw: float
+    log_determinant: float
+    separation: Separation
+
+@type_check_only
+class Margin(TypedDict):
+    """Where a motion comes nearest to a limit; `room` is a share of half the range."""
+
+    what: str
+    where: str
+    value: float
+    lower: float
+    upper: float
+    room: float
+    time: float
 
 @type_check_only
 class Workspace(TypedDict):
@@ -217,8 +296,18 @@ class Robot:
     def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
         """Effort of the drives [N | N·m], (n_samples, n_act): rigid bodies and rotor inertia. Arguments (n_samples, n_act)."""
 
-    def regressor(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
-        """Regressor of the independent coordinates (the drives), (n_samples, independent, 10 * nv). Arguments (n_samples, n_act)."""
+    def regressor(
+        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, out: NDArray[numpy.float64] | None = None
+    ) -> NDArray[numpy.float64]:
+        """Regressor of the independent coordinates (the drives), (n_samples, independent, 10 * nv). Arguments (n_samples, n_act).
+
+        `out`: an array of that shape to write into; memory that was used before saves the page faults.
+        """
+
+    def regressor_products(
+        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, tau: ArrayLike
+    ) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64], float]:
+        """(W^T W, W^T tau, tau^T tau) of the regressor, which is never stored. Arguments (n_samples, n_act), tau (n_samples, independent)."""
 
     def rnea(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
         """Efforts of the spanning tree [N | N·m], (n_samples, nv), loops open. Arguments (n_samples, nv)."""
@@ -299,8 +388,22 @@ class Identification:
         method: Literal["sdp", "wls", "relevant", "ols", "huber", "bisquare", "tls", "ridge", "iv"] = "sdp",
         band_hz: float | None = None,
         hold: Sequence[Literal["rotor", "friction", "passive-friction", "offset", "stiffness"]] = ...,
+        shapes: bool = False,
+        gains: bool = False,
+        payload: str | None = None,
+        outliers: float | None = None,
+        rate_hz: float | None = None,
+        period_s: float | None = None,
+        late_s: float | None = None,
+        find_late_s: float | None = None,
+        derivative: Literal["filtered", "central", "savitzky-golay", "spline"] = "filtered",
     ) -> Identification:
-        """`band_hz`: low-pass for effort and model alike, chosen from the motion when None; `hold`: terms that stay as they are."""
+        """`band_hz`: low-pass for effort and model alike, chosen from the motion when None; `hold`: terms that stay as they are.
+
+        Beside the parameters: `shapes` of friction laws, `gains` of the drives (one recording with `meta["load"]`, one without), what
+        rides on the link `payload`. First, in this order: `outliers` replaced beyond so many robust standard deviations, thinned to
+        `rate_hz`, averaged over `period_s`, efforts moved by `late_s` or by an estimate within `find_late_s` to either side.
+        """
 
     def fit(self, recordings: Recording | Sequence[Recording], *, holdout: Recording | Sequence[Recording] | None = None) -> Identification:
         """Learns from recordings, judges on `holdout` (without it, on every second of ten blocks of each), returns itself."""
@@ -331,7 +434,31 @@ class Identification:
 
     @property
     def covariance_(self) -> NDArray[numpy.float64]:
-        """Their covariance, residuals taken as coloured as they are."""
+        """Their covariance, residuals taken as coloured as they are, by the equations of the method."""
+
+    @property
+    def ci95_(self) -> NDArray[numpy.float64]:
+        """95 % intervals of the base parameters, (n, 2)."""
+
+    @property
+    def intervals_(self) -> str:
+        """What the intervals are about, in words."""
+
+    @property
+    def shapes_(self) -> list[FrictionShape]:
+        """Shapes of friction laws that were estimated."""
+
+    @property
+    def preprocessing_(self) -> list[str]:
+        """What was done to the recordings first, one line each."""
+
+    @property
+    def gains_(self) -> DriveGains | None:
+        """Gains of the drives; None where they were not asked for."""
+
+    @property
+    def payload_(self) -> Payload | None:
+        """What rides on the link; None where it was not asked for."""
 
     @property
     def heldout_(self) -> dict[str, tuple[float, float]]:
@@ -340,6 +467,95 @@ class Identification:
     @property
     def robot_(self) -> Robot:
         """The identified robot."""
+
+@final
+class Excitation:
+    """A periodic motion of all drives, and how good it is. It never changes."""
+
+    @property
+    def period_s(self) -> float:
+        """Period [s]."""
+
+    @property
+    def actuators(self) -> list[str]:
+        """Names of the driven joints, in the order of the columns of `sample`."""
+
+    @property
+    def criterion(self) -> str:
+        """What was made good."""
+
+    @property
+    def coefficients(self) -> NDArray[numpy.float64]:
+        """Coefficients of the functions, (n_act, n_functions)."""
+
+    @property
+    def quality(self) -> Quality:
+        """How good the motion is, on a grid ten times as dense as that of the search."""
+
+    @property
+    def random(self) -> Quality | None:
+        """The same of the best random motion with the same limits; None where that leaves them between its samples."""
+
+    @property
+    def gain(self) -> float | None:
+        """By how much the best random motion is worse, 1 or more; None where it is not known."""
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the parameters whose columns count."""
+
+    @property
+    def structural(self) -> int:
+        """Independent combinations of parameters that some motion of the robot would show."""
+
+    @property
+    def well_conditioned(self) -> int:
+        """Columns that stay below condition number 300 together along this motion."""
+
+    @property
+    def margins(self) -> list[Margin]:
+        """Where the motion comes nearest to each limit, the tightest first."""
+
+    def sample(self, t: ArrayLike) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64], NDArray[numpy.float64]]:
+        """(q, v, a) at times t [s] of shape (n_samples,), each (n_samples, n_act)."""
+
+    def grid(
+        self, rate_hz: float = 100.0, *, periods: int = 1
+    ) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64], NDArray[numpy.float64], NDArray[numpy.float64]]:
+        """(t, q, v, a) at a rate, from rest to rest over whole periods."""
+
+    def recording(self, rate_hz: float = 100.0, *, periods: int = 1) -> Recording:
+        """The motion as references q_ref.*, dq_ref.*, ddq_ref.* of every drive."""
+
+    def save(self, path: str | os.PathLike[str], rate_hz: float = 100.0, *, periods: int = 1) -> None:
+        """Writes these references as .csv or .mcap, for `pkm simulate --reference`."""
+
+def excite(
+    robot: Robot,
+    *,
+    criterion: Literal["condition", "determinant", "angle", "power"] = "condition",
+    separate: Sequence[tuple[str, str, dict[str, float]]] = ...,
+    basis: Literal["fourier", "spline"] = "fourier",
+    harmonics: int = 5,
+    pieces: int = 12,
+    period_s: float = 10.0,
+    share: float = 0.95,
+    speed: float | None = None,
+    acceleration: float | None = None,
+    cone_deg: float | None = None,
+    singularity: float = 0.1,
+    hold: Sequence[Literal["rotor", "friction", "passive-friction", "offset", "stiffness"]] = ...,
+    restarts: int = 4,
+    draws: int = 25,
+    iterations: int = 150,
+    seed: int = 1,
+    progress: Callable[[float], Any] | None = None,
+) -> Excitation:
+    """Looks for a periodic motion that shows a robot's parameters as well as its limits allow, or tells two effects apart.
+
+    `separate`: two effects, each (name, where, parameters); `share`: of the robot's limits that may be used; `speed`, `acceleration`: of
+    any drive; `cone_deg`: lean of ball joints; `singularity`: least distance, as a share of that in the middle of the travel.
+    """
 
 @final
 class Report:

@@ -4,7 +4,7 @@ use alloc::collections::BTreeMap;
 use alloc::sync::Arc;
 use std::path::PathBuf;
 
-use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
 use pkm_dyn::effects::{Applied, CATALOGUE, Energy, Entry, Robot as Physics};
 use pkm_dyn::jacobian::Reference;
 use pkm_dyn::model::{FrameOnBody, JointKind, Model};
@@ -330,22 +330,53 @@ impl Robot {
     /// Regressor of the independent coordinates, which are the drives unless there are more drives than freedoms, shape
     /// `(n_samples, independent, 10 * nv)`.
     ///
-    /// `regressor(q, v, a) @ parameters()` is `inverse_dynamics(q, v, a)` less rotor inertia. Arguments as there.
+    /// `regressor(q, v, a) @ parameters()` is `inverse_dynamics(q, v, a)` less rotor inertia. Arguments as there. `out` is an array of
+    /// that shape to write into, C-contiguous float64: memory that was used before costs no page faults, which are most of the time else.
+    #[pyo3(signature = (q, v, a, *, out = None))]
     fn regressor<'py>(
         &self,
         py: Python<'py>,
         q: ArrayLike<'py>,
         v: ArrayLike<'py>,
         a: ArrayLike<'py>,
+        out: Option<Bound<'py, PyArray3<f64>>>,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (driven, model) = (self.driven([&q, &v, &a])?, self.model());
+        let shape = [driven.len(), self.independent().len(), 10 * model.nv()];
         // numpy's own memory: it asks for large pages.
-        let out = PyArray3::zeros(py, [driven.len(), self.independent().len(), 10 * model.nv()], false);
-        let mut writable = out.try_readwrite()?;
+        let out = out.unwrap_or_else(|| PyArray3::zeros(py, shape, false));
+        if out.shape() != shape || !out.is_c_contiguous() {
+            return Err(error::value(format!("out has shape {:?}, must be {shape:?} and C-contiguous", out.shape())));
+        }
+        let mut writable = out.try_readwrite().map_err(|e| error::value(format!("out: {e}")))?;
         let values = writable.as_slice_mut()?;
         py.detach(|| motion::actuated_regressors(model, &driven, values))?;
         drop(writable);
         Ok(out)
+    }
+
+    /// Products of the regressor `W` and the efforts `tau` of the independent coordinates `[N | N·m]`, shape `(n_samples, independent)`:
+    /// `(WᵀW, Wᵀtau, tauᵀtau)`, of shapes `(10 * nv, 10 * nv)`, `(10 * nv,)` and one number.
+    ///
+    /// `W` is that of `regressor(q, v, a)` and is never stored, so a day of samples needs no more memory than one. What least squares
+    /// wants; the condition number is squared, so directions below 1e-8 of the largest are rounding.
+    fn regressor_products<'py>(
+        &self,
+        py: Python<'py>,
+        q: ArrayLike<'py>,
+        v: ArrayLike<'py>,
+        a: ArrayLike<'py>,
+        tau: ArrayLike<'py>,
+    ) -> PyResult<(Matrix<'py>, Vector<'py>, f64)> {
+        let (driven, model) = (self.driven([&q, &v, &a])?, self.model());
+        let tau = Samples::try_new("tau", &tau, self.independent().len(), "coordinate (robot.independent)")?;
+        if tau.len() != driven.len() {
+            return Err(error::value(format!("tau has {} samples, q has {}", tau.len(), driven.len())));
+        }
+        let n = 10 * model.nv();
+        let found = py.detach(|| motion::products(model, &driven, &tau))?;
+        let w_w = (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).map(|at| found.w_w[at]).collect();
+        Ok((matrix(py, w_w, [n, n])?, PyArray1::from_vec(py, found.w_tau), found.tau_tau))
     }
 
     /// Generalized efforts of the spanning tree `[N | N·m]`, shape `(n_samples, nv)`: rigid bodies and rotor inertia, loops open.

@@ -4,15 +4,20 @@ use alloc::sync::Arc;
 
 use numpy::{PyArray1, PyArray2};
 use pkm_dyn::effects;
+use pkm_dyn::parameters::NAMES;
 use pkm_dyn::urdf::{self, Description};
-use pkm_ident::answer::{self, JointError};
+use pkm_ident::answer::{self, Estimated, JointError};
+use pkm_ident::beside::{Beside, Question};
 use pkm_ident::estimate::Method;
+use pkm_ident::note::{Note, Status};
 use pkm_ident::observation::RowOptions;
+use pkm_ident::preprocess::differentiation::Derivative;
+use pkm_ident::preprocess::{Clock, Preprocess};
 use pkm_ident::refine::identified;
-use pkm_ident::{Recording, Settings, Term, identify_in_closed_loop};
+use pkm_ident::{Recording, Settings, Shapes, Term, identify_in_closed_loop};
 use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyList};
 
 use crate::array::{matrix, read_only};
 use crate::diagnosis::signals;
@@ -24,7 +29,11 @@ use crate::error;
 pub(crate) struct Identification {
     description: Arc<Description>,
     settings: Settings,
+    /// What is asked beside the parameters: gains, and the link of a payload.
+    gains: bool,
+    payload: Option<String>,
     learned: Option<answer::Identification>,
+    beside: Beside,
 }
 
 fn method(name: &str) -> PyResult<Method> {
@@ -33,10 +42,60 @@ fn method(name: &str) -> PyResult<Method> {
     found.ok_or_else(|| error::value(format!("method = {name:?} (must be one of {})", known())))
 }
 
-fn term(name: &str) -> PyResult<Term> {
+pub(crate) fn term(name: &str) -> PyResult<Term> {
     let known = || Term::ALL.map(Term::name).join(", ");
     let found = Term::ALL.into_iter().find(|t| t.name() == name);
     found.ok_or_else(|| error::value(format!("hold names {name:?} (must be of {})", known())))
+}
+
+fn derivative(name: &str) -> PyResult<Derivative> {
+    let known = || Derivative::ALL.map(Derivative::name).join(", ");
+    let found = Derivative::ALL.into_iter().find(|d| d.name() == name);
+    found.ok_or_else(|| error::value(format!("derivative = {name:?} (must be one of {})", known())))
+}
+
+/// A positive number or none.
+fn positive(name: &str, value: Option<f64>) -> PyResult<Option<f64>> {
+    match value {
+        Some(x) if !(x.is_finite() && x > 0.0) => Err(error::value(format!("{name} = {x} (must be finite and > 0)"))),
+        _ => Ok(value),
+    }
+}
+
+fn clock(late_s: Option<f64>, find_late_s: Option<f64>) -> PyResult<Clock> {
+    match (late_s, positive("find_late_s", find_late_s)?) {
+        (Some(_), Some(_)) => Err(error::value("late_s and find_late_s cannot both be given")),
+        (Some(late), None) if !late.is_finite() => Err(error::value(format!("late_s = {late} (must be finite)"))),
+        (Some(late), None) => Ok(Clock::Late(late)),
+        (None, Some(most)) => Ok(Clock::Estimated(most)),
+        (None, None) => Ok(Clock::Stamped),
+    }
+}
+
+fn status(status: Status) -> &'static str {
+    match status {
+        Status::Identified => "identified",
+        Status::Doubtful => "doubtful",
+        Status::NotIdentified => "not_identified",
+    }
+}
+
+fn sentences(notes: &[Note]) -> Vec<String> {
+    notes.iter().map(ToString::to_string).collect()
+}
+
+/// Estimated numbers as dicts.
+fn estimated<'py>(py: Python<'py>, all: &[Estimated]) -> PyResult<Bound<'py, PyList>> {
+    let out = PyList::empty(py);
+    for e in all {
+        let one = PyDict::new(py);
+        one.set_item("name", &e.name)?;
+        one.set_item("unit", e.unit)?;
+        one.set_item("value", e.value)?;
+        one.set_item("ci95", e.ci95)?;
+        out.append(one)?;
+    }
+    Ok(out)
 }
 
 impl Identification {
@@ -50,14 +109,48 @@ impl Identification {
     /// Stores settings only. `method`: sdp, wls, relevant, ols, huber, bisquare, tls, ridge or iv (along
     /// the simulated loop: recordings then need `q_ref.*`); `band_hz`: low-pass for effort and model
     /// alike `[Hz]`, chosen from the motion when None; `hold`: terms that stay as the robot has them (rotor, friction,
-    /// passive-friction, offset, stiffness).
+    /// passive-friction, offset, stiffness); `shapes`: also the values that friction laws of the robot are not linear in; `gains`: also
+    /// the gains of the drives, from recordings with a known load (`meta["load"]`) beside recordings without; `payload`: also what rides
+    /// on this link, the robot itself being as it is.
+    ///
+    /// First, in this order: `outliers`: samples further than this many robust standard deviations from the median around them are
+    /// replaced; `rate_hz`: thinned to the rate nearest above `[Hz]`; `period_s`: averaged over this period `[s]`; `late_s`: efforts
+    /// are stamped this much too late `[s]`, or `find_late_s`: how late is estimated, to this much to either side `[s]`. `derivative`:
+    /// how velocities come from positions (filtered, central, savitzky-golay, spline).
     #[new]
-    #[pyo3(signature = (robot, *, method = "sdp", band_hz = None, hold = Vec::new()))]
-    fn new(robot: &Bound<'_, Robot>, method: &str, band_hz: Option<f64>, hold: Vec<String>) -> PyResult<Self> {
-        let held = hold.iter().map(|h| term(h)).collect::<PyResult<Vec<_>>>()?;
-        let rows = RowOptions { band_hz, ..RowOptions::default() };
-        let settings = Settings { method: self::method(method)?, rows, held, ..Settings::default() };
-        Ok(Self { description: Arc::clone(robot.get().description()), settings, learned: None })
+    #[pyo3(signature = (robot, *, method = "sdp", band_hz = None, hold = Vec::new(), shapes = false, gains = false, payload = None,
+        outliers = None, rate_hz = None, period_s = None, late_s = None, find_late_s = None, derivative = "filtered"))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python: the flags of `pkm identify` by name")]
+    fn new(
+        robot: &Bound<'_, Robot>,
+        method: &str,
+        band_hz: Option<f64>,
+        hold: Vec<String>,
+        shapes: bool,
+        gains: bool,
+        payload: Option<String>,
+        outliers: Option<f64>,
+        rate_hz: Option<f64>,
+        period_s: Option<f64>,
+        late_s: Option<f64>,
+        find_late_s: Option<f64>,
+        derivative: &str,
+    ) -> PyResult<Self> {
+        let settings = Settings {
+            method: self::method(method)?,
+            rows: RowOptions { band_hz, derivative: self::derivative(derivative)?, ..RowOptions::default() },
+            held: hold.iter().map(|h| term(h)).collect::<PyResult<Vec<_>>>()?,
+            preprocess: Preprocess {
+                outliers: positive("outliers", outliers)?,
+                rate_hz: positive("rate_hz", rate_hz)?,
+                period_s: positive("period_s", period_s)?,
+                clock: clock(late_s, find_late_s)?,
+            },
+            shapes: if shapes { Shapes::Estimated } else { Shapes::Stated },
+            ..Settings::default()
+        };
+        let description = Arc::clone(robot.get().description());
+        Ok(Self { description, settings, gains, payload, learned: None, beside: Beside::default() })
     }
 
     /// Learns from a recording or a sequence of them, judges on `holdout` (without it, on every second of ten blocks of each), and
@@ -66,30 +159,35 @@ impl Identification {
     fn fit<'py>(slf: Bound<'py, Self>, recordings: &Bound<'_, PyAny>, holdout: Option<&Bound<'_, PyAny>>) -> PyResult<Bound<'py, Self>> {
         let train = signals("recordings", recordings)?;
         let holdout = holdout.map_or(Ok(Vec::new()), |h| signals("holdout", h))?;
-        let (description, settings) = {
+        let (description, settings, gains, link) = {
             let this = slf.borrow();
-            (Arc::clone(&this.description), this.settings.clone())
+            (Arc::clone(&this.description), this.settings.clone(), this.gains, this.payload.clone())
         };
         let answer = slf.py().detach(|| {
             let nominal = &description.robot;
+            let questions: Vec<Question<'_>> =
+                gains.then_some(Question::Gains).into_iter().chain(link.as_deref().map(Question::Payload)).collect();
+            let beside = Beside::of(nominal, &train, &settings, &questions)?;
             let mut simulate = |robot: &effects::Robot, like: &Recording| pkm_sim::rerun([robot, nominal], like).map_err(|e| e.to_string());
-            identify_in_closed_loop(nominal, [&train, &holdout], &settings, &mut simulate, &mut |_| {})
+            identify_in_closed_loop(nominal, [&train, &holdout], &settings, &mut simulate, &mut |_| {}).map(|learned| (learned, beside))
         });
-        slf.borrow_mut().learned = Some(answer.map_err(|e| error::value(e.to_string()))?);
+        let (learned, beside) = answer.map_err(|e| error::value(e.to_string()))?;
+        let mut this = slf.borrow_mut();
+        (this.learned, this.beside) = (Some(learned), beside);
+        drop(this);
         Ok(slf)
     }
 
     /// `identified`, `doubtful` or `not_identified`.
     #[getter]
-    fn status_(&self) -> PyResult<String> {
-        let text = serde_json::to_string(&self.learned()?.status).map_err(|e| error::value(e.to_string()))?;
-        Ok(text.trim_matches('"').to_string())
+    fn status_(&self) -> PyResult<&'static str> {
+        Ok(status(self.learned()?.status))
     }
 
     /// What speaks against the answer, one sentence each.
     #[getter]
     fn notes_(&self) -> PyResult<Vec<String>> {
-        Ok(self.learned()?.notes.iter().map(ToString::to_string).collect())
+        Ok(sentences(&self.learned()?.notes))
     }
 
     /// Names of all parameters, in the order of `theta_`.
@@ -117,12 +215,86 @@ impl Identification {
         Ok(read_only(py, &values))
     }
 
-    /// Their covariance, residuals taken as coloured as they are.
+    /// Their covariance, residuals taken as coloured as they are, by the equations of the method.
     #[getter]
     fn covariance_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let c = &self.learned()?.covariance;
         let values = (0..c.nrows()).flat_map(|i| (0..c.ncols()).map(move |j| c[(i, j)])).collect();
         matrix(py, values, [c.nrows(), c.ncols()])
+    }
+
+    /// 95 % intervals of the base parameters, shape `(n, 2)`; `intervals_` says what they are about.
+    #[getter]
+    fn ci95_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let all = &self.learned()?.parameters;
+        matrix(py, all.iter().flat_map(|p| p.ci95).collect(), [all.len(), 2])
+    }
+
+    /// What the intervals are about, in words.
+    #[getter]
+    fn intervals_(&self) -> PyResult<&'static str> {
+        Ok(self.learned()?.intervals.says())
+    }
+
+    /// Shapes of friction laws that were estimated: dicts of `name`, `unit`, `stated`, `value`, `ci95` and `is_shown`.
+    #[getter]
+    fn shapes_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        let out = PyList::empty(py);
+        for s in &self.learned()?.shapes {
+            let one = PyDict::new(py);
+            one.set_item("name", &s.name)?;
+            one.set_item("unit", s.unit)?;
+            one.set_item("stated", s.stated)?;
+            one.set_item("value", s.value)?;
+            one.set_item("ci95", s.ci95)?;
+            one.set_item("is_shown", s.is_shown)?;
+            out.append(one)?;
+        }
+        Ok(out)
+    }
+
+    /// What was done to the recordings first, one line each.
+    #[getter]
+    fn preprocessing_(&self) -> PyResult<Vec<String>> {
+        Ok(self.learned()?.preprocessing.iter().map(ToString::to_string).collect())
+    }
+
+    /// Gains of the drives, acting effort over recorded effort: a dict of `status`, `notes` and `drives`, `{joint: {gain, ci95,
+    /// load_share}}`; None where they were not asked for.
+    #[getter]
+    fn gains_<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let _fitted = self.learned()?;
+        let Some(found) = &self.beside.gains else { return Ok(None) };
+        let (out, drives) = (PyDict::new(py), PyDict::new(py));
+        for g in &found.gains {
+            let one = PyDict::new(py);
+            one.set_item("gain", g.gain)?;
+            one.set_item("ci95", g.ci95)?;
+            one.set_item("load_share", g.load_share)?;
+            drives.set_item(&g.joint, one)?;
+        }
+        out.set_item("status", status(found.status))?;
+        out.set_item("notes", sentences(&found.notes))?;
+        out.set_item("drives", drives)?;
+        Ok(Some(out))
+    }
+
+    /// The payload: a dict of `link`, `status`, `notes`, `body` (the ten parameters by name, about the link's frame) and `shown` (what
+    /// the motion shows of it: dicts of `name`, `unit`, `value`, `ci95`); None where it was not asked for.
+    #[getter]
+    fn payload_<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let _fitted = self.learned()?;
+        let Some(found) = &self.beside.payload else { return Ok(None) };
+        let (out, body) = (PyDict::new(py), PyDict::new(py));
+        for (name, x) in NAMES.iter().zip(found.body.to_vector().iter()) {
+            body.set_item(name, x)?;
+        }
+        out.set_item("link", &found.link)?;
+        out.set_item("status", status(found.status))?;
+        out.set_item("notes", sentences(&found.notes))?;
+        out.set_item("body", body)?;
+        out.set_item("shown", estimated(py, &found.shown)?)?;
+        Ok(Some(out))
     }
 
     /// Held-out error of each drive as a share of its effort's rms: `{joint: (nominal, identified)}`.

@@ -11,6 +11,7 @@ mod diagnosis;
 mod dynamics;
 mod error;
 mod evidence;
+mod excitation;
 mod identification;
 mod mechanics;
 mod motion;
@@ -31,6 +32,8 @@ mod _pkm {
     use super::diagnosis::{Report, diagnose};
     #[pymodule_export]
     use super::dynamics::{Robot, effects, load};
+    #[pymodule_export]
+    use super::excitation::{Excitation, excite};
     #[pymodule_export]
     use super::identification::Identification;
     #[pymodule_export]

@@ -8,9 +8,10 @@ use pkm_dyn::constrained::reduced_mass_matrix;
 use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, friction_regressor, rigid_effort};
 use pkm_dyn::loops::{Closure, assemble, walk_to};
 use pkm_dyn::{Data, Model, regressor, rnea};
+use pkm_ident::gram::{Gram, Products};
 use pyo3::PyErr;
 
-use crate::array::Motion;
+use crate::array::{Motion, Samples};
 use crate::error;
 use crate::mechanics::{push_loop_efforts, push_rows};
 
@@ -117,6 +118,42 @@ pub(crate) fn actuated_regressors(model: &Model, motion: &Motion, out: &mut [f64
             out.chunks_mut(samples * size).enumerate().map(|(k, out)| scope.spawn(move || part(k * samples, out))).collect();
         started.into_iter().try_for_each(|thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
     })
+}
+
+/// Parts that the samples of a robot without loops are summed in: as many whatever the processors, so that the sums are the same bits.
+const PARTS: usize = 8;
+
+/// Products of the regressors of [`actuated_regressors`] and efforts of the independent coordinates, nothing else kept.
+pub(crate) fn products(model: &Model, motion: &Motion, tau: &Samples) -> Result<Products, Open> {
+    let part = |samples: Range<usize>| {
+        let mut sum = Gram::new(model);
+        let mut at = samples.start;
+        along_part(model, motion, samples, |data| {
+            sum.push(actuated_regressor(model, data), tau.row(at));
+            at += 1;
+        })?;
+        Ok(sum)
+    };
+    let is_tree = model.passive().is_empty() && !model.is_constrained();
+    let parts = if is_tree { PARTS.min(motion.len() / LEAST_SAMPLES).max(1) } else { 1 };
+    let threads = thread::available_parallelism().map_or(1, usize::from).min(parts);
+    let range = |k: usize| k * motion.len() / parts..(k + 1) * motion.len() / parts;
+    let mut sums: Vec<Result<Gram, Open>> = if threads < 2 {
+        (0..parts).map(|k| part(range(k))).collect()
+    } else {
+        let own = |t: usize| (t..parts).step_by(threads).map(|k| part(range(k))).collect::<Vec<_>>();
+        let by_thread: Vec<Vec<_>> = thread::scope(|scope| {
+            let started: Vec<_> = (0..threads).map(|t| scope.spawn(move || own(t))).collect();
+            started.into_iter().map(|s| s.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
+        });
+        let mut by_thread: Vec<_> = by_thread.into_iter().map(Vec::into_iter).collect();
+        (0..parts).filter_map(|k| by_thread[k % threads].next()).collect()
+    };
+    let mut all = sums.remove(0)?;
+    for sum in sums {
+        all.absorb(sum?);
+    }
+    Ok(all.products())
 }
 
 /// A matrix row by row into `out`.

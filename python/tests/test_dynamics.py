@@ -170,3 +170,25 @@ def test_a_misspelt_link_or_reference_is_named():
         robot.frame_jacobian("elbw", q)
     with pytest.raises(ValueError, match="sideways"):
         robot.frame_jacobian(robot.links[-1], q, reference="sideways")
+
+
+def test_products_of_the_regressor_are_those_of_numpy_and_memory_is_written_where_it_is(robot, drives_motion):
+    q, v, a = drives_motion
+    w, tau = robot.regressor(q, v, a), robot.inverse_dynamics(q, v, a)
+    flat = w.reshape(-1, w.shape[2])
+    gram, product, square = robot.regressor_products(q, v, a, tau)
+    np.testing.assert_allclose(gram, flat.T @ flat, atol=1e-12 * np.abs(gram).max())
+    np.testing.assert_allclose(product, flat.T @ tau.ravel(), atol=1e-12 * np.abs(product).max())
+    assert square == pytest.approx((tau**2).sum())
+    # Many samples are summed in parts.
+    many = [np.tile(x, (60, 1)) for x in (q, v, a, tau)]
+    np.testing.assert_allclose(robot.regressor_products(*many)[0], 60 * gram, atol=1e-10 * np.abs(gram).max())
+    out = np.full_like(w, np.nan)
+    assert robot.regressor(q, v, a, out=out) is out
+    np.testing.assert_array_equal(out, w)
+    with pytest.raises(ValueError, match="out has shape"):
+        robot.regressor(q, v, a, out=out[:-1])
+    with pytest.raises(ValueError, match="out"):
+        robot.regressor(q, v, a, out=np.lib.stride_tricks.as_strided(out, writeable=False))
+    with pytest.raises(ValueError, match="tau has"):
+        robot.regressor_products(q, v, a, tau[:-1])

@@ -55,3 +55,68 @@ def test_bad_settings_are_refused(runs, arguments, told):
     robot, (train, _) = runs
     with pytest.raises(ValueError, match=told):
         pkm.Identification(robot, **arguments).fit(train)
+
+
+def test_intervals_are_those_of_the_method(runs):
+    robot, (train, _) = runs
+    learned = {m: pkm.Identification(robot, method=m).fit(train) for m in ("wls", "ols", "ridge")}
+    for estimate in learned.values():
+        low, high = estimate.ci95_.T
+        assert estimate.ci95_.shape == (len(estimate.names_base_), 2) and (low < estimate.theta_base_).all() and (high > estimate.theta_base_).all()
+        # One factor for all parameters, normal or a little more for few rows.
+        factor = (high - low) / (2 * np.sqrt(np.diag(estimate.covariance_)))
+        assert np.ptp(factor) < 1e-6 * factor[0] and 1.95 < factor[0] < 3
+    # No estimate that is linear in the efforts is better than the weighted one; one that knows more is.
+    width = {m: np.log(np.ptp(e.ci95_, axis=1)).mean() for m, e in learned.items()}
+    assert width["ridge"] <= width["wls"] + 0.02 and width["wls"] <= width["ols"] + 0.02, width
+    assert "posterior" in learned["ridge"].intervals_ and "repetitions" in learned["wls"].intervals_
+
+
+@pytest.fixture(scope="module")
+def weighed():
+    """An arm with and without a weighed mass in its hand, efforts in units of their own."""
+    robot, link = pkm.robots.load("five_bar"), "distal_left"
+    loaded = robot.with_effect("payload", link, mass=1.0)
+    runs = []
+    for truth, meta in ((robot, None), (loaded, {"load": {"link": link, "mass": 1.0, "xyz": [0, 0, 0]}})):
+        r = pkm.simulate(truth, robot, seed=2, duration_s=20.0)
+        scaled = {name: r[name] / (1.25 if name.startswith("tau.") else 1.0) for name in r.signals}
+        runs.append(pkm.Recording(r.time, scaled, name="made", meta=meta))
+    return robot, link, runs
+
+
+def test_gains_come_from_a_weighed_mass(weighed):
+    robot, _, recordings = weighed
+    estimate = pkm.Identification(robot, gains=True).fit(recordings)
+    found = estimate.gains_
+    assert list(found["drives"]) == robot.actuators and estimate.payload_ is None
+    for drive in found["drives"].values():
+        # A drive that calls 1.25 N·m one has a gain of 1.25.
+        assert drive["gain"] == pytest.approx(1.25, rel=0.1) and drive["ci95"][0] < drive["gain"] < drive["ci95"][1]
+        assert 0 < drive["load_share"] < 1
+    without = pkm.Identification(robot, gains=True).fit(recordings[:1]).gains_
+    assert without["status"] == "not_identified" and without["drives"] == {} and "states a load" in without["notes"][0]
+
+
+def test_a_payload_is_weighed(runs):
+    robot, _ = runs
+    loaded = pkm.simulate(robot.with_effect("payload", "platform", mass=3.0), robot, seed=5, duration_s=20.0)
+    estimate = pkm.Identification(robot, payload="platform").fit(loaded)
+    found = estimate.payload_
+    assert found["link"] == "platform" and found["body"]["mass"] == pytest.approx(3.0, rel=0.1)
+    assert found["shown"] and all(e["ci95"][0] < e["value"] < e["ci95"][1] for e in found["shown"])
+    assert estimate.gains_ is None and estimate.shapes_ == []
+    with pytest.raises(ValueError, match="no link"):
+        pkm.Identification(robot, payload="tail").fit(loaded)
+
+
+def test_preprocessing_is_accounted_for(runs):
+    robot, (train, _) = runs
+    late = pkm.Recording(train.time, {n: np.roll(train[n], 6) if n.startswith("tau.") else train[n] for n in train.signals}, name="late")
+    estimate = pkm.Identification(robot, find_late_s=0.05, rate_hz=250.0).fit(late)
+    steps = "\n".join(estimate.preprocessing_)
+    found = float(next(line for line in estimate.preprocessing_ if "clock" in line).split("late_s")[1])
+    assert "decimation" in steps and found == pytest.approx(6 / 500, abs=1e-3)
+    for wrong in ({"late_s": 0.1, "find_late_s": 0.1}, {"rate_hz": 0.0}, {"outliers": float("nan")}, {"derivative": "best"}):
+        with pytest.raises(ValueError, match=next(iter(wrong))):
+            pkm.Identification(robot, **wrong)

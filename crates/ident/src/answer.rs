@@ -111,6 +111,31 @@ impl Default for Settings {
     }
 }
 
+/// What the intervals of an identification are about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Intervals {
+    /// Repetitions of the recording: residuals as coloured as they are, by the equations of the method.
+    Sampling,
+    /// The same, with the pull towards the nominal robot counted as knowledge: an estimate that is drawn there is biased, and by how much
+    /// no recording says. Right as far as the nominal robot is as wrong as the prior, chosen by cross-validation, takes it to be.
+    Posterior,
+    /// Repetitions of a recording of which columns and effort, at length one, are noisy alike, to first order in that noise.
+    FirstOrder,
+}
+
+impl Intervals {
+    /// In words.
+    #[must_use]
+    pub fn says(self) -> &'static str {
+        match self {
+            Self::Sampling => "over repetitions of the recording, residuals as coloured as they are",
+            Self::Posterior => "over repetitions of the recording, with the pull to the nominal robot counted as knowledge (posterior)",
+            Self::FirstOrder => "to first order in the noise of columns and effort, which is taken to be alike in all at length one",
+        }
+    }
+}
+
 /// A base parameter.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Estimated {
@@ -208,6 +233,8 @@ pub struct Identification {
     pub base: BaseSummary,
     /// Base parameters.
     pub parameters: Vec<Estimated>,
+    /// What their intervals are about.
+    pub intervals: Intervals,
     /// Errors by drive.
     pub joints: Vec<JointError>,
     /// Names, units and nominal values of all parameters.

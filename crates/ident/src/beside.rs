@@ -6,6 +6,7 @@ use crate::Recording;
 use crate::answer::{IdentifyError, Settings};
 use crate::gains::{DriveGains, drive_gains};
 use crate::identify::preparation::Prepared;
+use crate::note::Note;
 use crate::payload::{Payload, payload};
 
 /// Which of it is wanted.
@@ -36,11 +37,19 @@ impl Beside {
         if questions.is_empty() {
             return Ok(out);
         }
-        let Prepared { fit, .. } = Prepared::of(robot, [recordings, &[]], settings)?;
+        let Prepared { fit, notes, .. } = Prepared::of(robot, [recordings, &[]], settings)?;
         for question in questions {
             match question {
-                Question::Gains => out.gains = Some(drive_gains(robot, &fit, settings.rows)?),
-                Question::Payload(link) => out.payload = Some(payload(robot, &fit, link, settings.rows)?),
+                Question::Gains => {
+                    let mut found = drive_gains(robot, &fit, settings.rows)?;
+                    found.notes.extend(notes.iter().cloned());
+                    out.gains = Some(DriveGains { status: Note::worst(&found.notes), ..found });
+                }
+                Question::Payload(link) => {
+                    let mut found = payload(robot, &fit, link, settings.rows)?;
+                    found.notes.extend(notes.iter().cloned());
+                    out.payload = Some(Payload { status: Note::worst(&found.notes), ..found });
+                }
             }
         }
         Ok(out)

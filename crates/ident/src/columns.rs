@@ -314,6 +314,11 @@ impl Columns {
         }
     }
 
+    /// Rest of the stiffness, or order of the wave, that column `c` is about; zero for other columns.
+    pub(crate) fn stated(&self, c: usize) -> f64 {
+        self.stated[c][0]
+    }
+
     /// Whether any effect stays as the file states it.
     #[must_use]
     pub fn has_kept_effort(&self) -> bool {

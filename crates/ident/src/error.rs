@@ -86,6 +86,16 @@ pub enum InputError {
         /// Robot name.
         robot: String,
     },
+    /// A shape of a friction law that no search can start from.
+    #[error("robot {robot:?}: {shape} = {value} (must be finite and > 0 to be estimated: a shape is sought by its logarithm)")]
+    Shape {
+        /// `<joint>.<effect>.<parameter>`.
+        shape: String,
+        /// As the robot file states it.
+        value: f64,
+        /// Robot name.
+        robot: String,
+    },
     /// A band that no recording can show.
     #[error("band = {band} Hz (must be > 0 and at most 0.4 of the sampling rate, {limit:.3} Hz)")]
     Band {

@@ -29,6 +29,9 @@ const LEAST_NOISE: f64 = 1e-6;
 /// Range in which inverse gains are sought.
 const RANGE: Bounds = Bounds { lower: 0.05, upper: 20.0 };
 
+/// A gain closer to an end of its range than this share of it is that end.
+const AT_END: f64 = 1e-3;
+
 /// The gain of one drive.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct DriveGain {
@@ -90,6 +93,10 @@ pub fn drive_gains(robot: &Robot, recordings: &[Recording], rows: RowOptions) ->
         .filter(|g| g.ci95[1] - g.ci95[0] > 2.0 * WIDE * g.gain)
         .map(|g| Note::GainNotShown { joint: g.joint.clone(), half_width: 0.5 * (g.ci95[1] - g.ci95[0]) / g.gain, limit: WIDE })
         .collect();
+    // The search is over inverse gains, and its ends are no answers.
+    let range = [1.0 / RANGE.upper, 1.0 / RANGE.lower];
+    let is_at_end = |g: &&DriveGain| range.iter().any(|end| (g.gain / end - 1.0).abs() < AT_END);
+    notes.extend(gains.iter().filter(is_at_end).map(|g| Note::GainAtBound { joint: g.joint.clone(), gain: g.gain, range }));
     if out.ending != Ending::Settled {
         notes.push(Note::NotSettled { iterations: out.iterations });
     }

@@ -110,6 +110,21 @@ impl BaseSet {
         self.kept.len()
     }
 
+    /// Base parameters of every column of `all`, which has a row per parameter.
+    #[must_use]
+    pub fn combinations(&self, all: &Mat<f64>) -> Mat<f64> {
+        Mat::from_fn(self.rank(), all.ncols(), |i, c| {
+            let moved: f64 = self.eliminated.iter().enumerate().map(|(j, &e)| self.grouping[(i, j)] * all[(e, c)]).sum();
+            all[(self.kept[i], c)] + moved
+        })
+    }
+
+    /// Whether base parameter `i` is one parameter and no combination.
+    #[must_use]
+    pub fn is_alone(&self, i: usize) -> bool {
+        (0..self.eliminated.len()).all(|j| self.grouping[(i, j)].abs() <= 0.0)
+    }
+
     /// Base parameters of the parameters `theta`.
     #[must_use]
     pub fn project(&self, theta: &[f64]) -> Vec<f64> {

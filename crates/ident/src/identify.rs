@@ -2,15 +2,15 @@
 
 mod instrumental;
 pub(crate) mod preparation;
+mod spread;
 
 use faer::Mat;
 use pkm_dyn::effects::Robot;
 
 use self::preparation::Prepared;
+use self::spread::Spread;
 use crate::Recording;
-use crate::answer::{
-    BaseSummary, Estimated, Identification, IdentifyError, Instruments, JointError, Settings, Shapes, Simulate, Term, UsedRecording,
-};
+use crate::answer::{BaseSummary, Identification, IdentifyError, Instruments, JointError, Settings, Shapes, Simulate, Term, UsedRecording};
 use crate::columns::{Columns, Quantity};
 use crate::error::InputError;
 use crate::estimate::feasible::{Feasible, Outcome, Space, choose_weight, feasible, solid};
@@ -25,7 +25,7 @@ use crate::observation::{Observation, Rows};
 use crate::preprocess::Done;
 use crate::relevant::{Reduction, Step};
 use crate::shapes::{Shape, projected};
-use crate::statistics::{Residual, Sandwich, critical_95, residual_series};
+use crate::statistics::{Residual, Sandwich, residual_series};
 
 /// Pivots of a recording's columns below this share of the largest count as zero: noise of the positions makes some of nothing.
 pub const RANK_TOLERANCE: f64 = 1e-6;
@@ -112,7 +112,7 @@ fn all_of_it<'s>(
     if fit.is_empty() {
         return Err(InputError::NoRecording.into());
     }
-    let Prepared { fit, holdout, mut done } = Prepared::of(robot, [fit, holdout], settings)?;
+    let Prepared { fit, holdout, mut done, notes } = Prepared::of(robot, [fit, holdout], settings)?;
     let (robot, shapes) = match settings.shapes {
         Shapes::Stated => (robot.clone(), Vec::new()),
         Shapes::Estimated => projected(robot, &fit, kind, settings.rows)?,
@@ -132,7 +132,7 @@ fn all_of_it<'s>(
         judged,
         structure,
         settings,
-        notes: shapes.iter().filter(|s| !s.is_shown).map(not_shown).collect(),
+        notes: notes.into_iter().chain(shapes.iter().filter(|s| !s.is_shown).map(not_shown)).collect(),
         usable: Vec::new(),
         recordings: &fit,
         simulate,
@@ -199,6 +199,7 @@ struct Fit {
     direct: Vec<f64>,
     noise: Vec<f64>,
     prior_weight: f64,
+    spread: Spread,
 }
 
 impl Work<'_, '_, '_> {
@@ -219,12 +220,7 @@ impl Work<'_, '_, '_> {
         let residuals: Vec<Residual> = series.iter().map(|s| Residual::of(s, freedom)).collect();
         self.look_at_outliers(&series);
         progress(0.6);
-        let sandwich = if self.instruments.is_some() {
-            // The spread of the estimate is that of the instruments, which have no noise of their own.
-            Sandwich::of(&self.foretold(&self.foretold)?, &set.kept, &fit.noise, &residuals)?
-        } else {
-            Sandwich::of(self.observation, &set.kept, &fit.noise, &residuals)?
-        };
+        let sandwich = self.sandwich(&set, &fit, &residuals, freedom)?;
         progress(0.9);
         let mut found = Found { places: (0..set.rank()).collect(), set, sandwich, steps: Vec::new() };
         let fit = if self.settings.method == Method::Relevant { self.reduce(&mut found, &free, fit) } else { fit };
@@ -380,16 +376,30 @@ impl Work<'_, '_, '_> {
         };
         let weighted = with_fixed(weighted_theta(&factors, kept, &noise));
         let rms: Vec<f64> = (0..noise.len()).map(|k| if self.usable[k] { 1.0 } else { f64::INFINITY }).collect();
+        let mut spread = Spread::Weighted;
         let direct = match self.settings.method {
             Method::Sdp | Method::Wls | Method::Relevant | Method::Iv => weighted.clone(),
-            Method::Ols => with_fixed(weighted_theta(&factors, kept, &rms)),
-            Method::Tls => {
-                let triangle = triangle_of(&factors, &noise);
-                with_fixed(
-                    least_squares::total(&triangle, kept).map_or_else(|| weighted_theta(&factors, kept, &noise), |x| scatter(&x, kept, p)),
-                )
+            Method::Ols => {
+                spread = Spread::Ordinary;
+                with_fixed(weighted_theta(&factors, kept, &rms))
             }
-            Method::Ridge => with_fixed(scatter(&self.ridge(&factors, set, &noise), kept, p)),
+            Method::Tls => {
+                if let Some(total) = least_squares::total(&triangle_of(&factors, &noise), kept) {
+                    spread = Spread::Total(total.noise);
+                    with_fixed(scatter(&total.values, kept, p))
+                } else {
+                    self.notes.push(Note::NoTotal { parameters: kept.len() });
+                    weighted.clone()
+                }
+            }
+            Method::Ridge => {
+                let (values, precision) = self.ridge(&factors, set, &noise);
+                // A weight that predicts best may hold the nominal robot for nearer than it is; its size is then that of the deviations.
+                let off = set.project(&weighted).into_iter().zip(set.project(&self.columns().nominal())).map(|(x, n)| x - n);
+                let square: f64 = off.zip(&precision).map(|(d, p)| p * d * d).sum();
+                spread = Spread::Drawn(precision, (square / kept.len().max(1) as f64).max(1.0));
+                with_fixed(scatter(&values, kept, p))
+            }
             Method::Huber | Method::Bisquare => {
                 let loss = if self.settings.method == Method::Huber { Loss::Huber } else { Loss::Bisquare };
                 let robust = reweighted(self.observation, kept, [&weighted, &fixed], &self.usable, loss)?;
@@ -397,18 +407,19 @@ impl Work<'_, '_, '_> {
                     self.notes.push(Note::NotSettled { iterations: robust.iterations });
                 }
                 (0..noise.len()).filter(|&k| self.usable[k]).for_each(|k| noise[k] = robust.noise[k]);
+                spread = Spread::Cut(loss);
                 robust.theta
             }
         };
-        let mut fit = Fit { theta: fixed.clone(), direct, noise, prior_weight: 0.0 };
+        let mut fit = Fit { theta: fixed.clone(), direct, noise, prior_weight: 0.0, spread };
         if self.settings.method == Method::Iv {
             fit = self.instrumented(set, free, fit)?;
         }
         Ok(self.physical(&factors, free, Fit { theta: fixed, ..fit }))
     }
 
-    /// Ridge towards the nominal base parameters, its weight by cross-validation.
-    fn ridge(&self, factors: &Factors, set: &BaseSet, noise: &[f64]) -> Vec<f64> {
+    /// Ridge towards the nominal base parameters, its weight by cross-validation: values, and the precision they are drawn with.
+    fn ridge(&self, factors: &Factors, set: &BaseSet, noise: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let prior = set.project(&self.columns().nominal());
         let weights: Vec<f64> = noise.iter().map(|s| 1.0 / s).collect();
         let p = self.columns().len();
@@ -421,7 +432,8 @@ impl Work<'_, '_, '_> {
             factors.used_folds().into_iter().map(left_out).sum()
         };
         let best = RIDGE_WEIGHTS.iter().map(|&w| (error(w), w)).min_by(|a, b| a.0.total_cmp(&b.0));
-        least_squares::ridge(&triangle_of(factors, noise), &set.kept, &prior, best.map_or(0.0, |(_, w)| w))
+        let (triangle, weight) = (triangle_of(factors, noise), best.map_or(0.0, |(_, w)| w));
+        (least_squares::ridge(&triangle, &set.kept, &prior, weight), least_squares::ridge_precision(&triangle, &set.kept, weight))
     }
 
     /// Completes a fit to a physical robot. `fit.theta` holds the fixed parameters.
@@ -449,7 +461,7 @@ impl Work<'_, '_, '_> {
                 triangle[(i, p)] = (i..p).map(|c| triangle[(i, c)] * fit.direct[c]).sum();
             }
         }
-        let Feasible { theta, outcome, iterations, .. } = feasible(&triangle, rows, &space, self.settings.prior, weight);
+        let Feasible { theta, outcome, iterations, tangent, .. } = feasible(&triangle, rows, &space, self.settings.prior, weight);
         match outcome {
             Outcome::Solved => {}
             Outcome::Almost => self.notes.push(Note::Solver { outcome: "at reduced accuracy", iterations }),
@@ -460,6 +472,11 @@ impl Work<'_, '_, '_> {
             self.notes.push(Note::Infeasible { unbounded, physical, limit: CONTRADICTION });
         }
         if is_direct {
+            if !tangent.at_bound.is_empty() {
+                let parameters = tangent.at_bound.iter().map(|&j| self.columns().list[j].name.clone()).collect();
+                self.notes.push(Note::AtBound { parameters });
+            }
+            fit.spread = Spread::Physical(Box::new(tangent), fit.direct.clone());
             fit.direct.clone_from(&theta);
             fit.prior_weight = weight;
         }
@@ -522,6 +539,7 @@ impl Work<'_, '_, '_> {
                 .collect(),
             base: self.summary(free, set.as_ref()),
             parameters,
+            intervals: fit.spread.intervals(),
             joints,
             columns: self.columns().clone(),
             theta: fit.theta.clone(),
@@ -549,33 +567,12 @@ impl Work<'_, '_, '_> {
             well_conditioned_limit: WELL_CONDITIONED,
         }
     }
-
-    fn parameters(&self, found: Option<&Found>, fit: &Fit, residuals: &[Residual]) -> (Vec<Estimated>, Mat<f64>) {
-        let Some(Found { set, sandwich, places, .. }) = found else { return (Vec::new(), Mat::zeros(0, 0)) };
-        let n = places.len();
-        let covariance = sandwich.covariance(places).unwrap_or_else(|| Mat::from_fn(n, n, |_, _| f64::MAX));
-        let (nominal, value) = (set.project(&self.columns().nominal()), set.project(&fit.direct));
-        let used = |(k, r): (usize, &Residual)| if self.usable[k] { r.bandwidth() } else { 0.0 };
-        let critical = critical_95(residuals.iter().enumerate().map(used).fold(0.0, f64::max));
-        let each = |(at, &i): (usize, &usize)| {
-            let sd = covariance[(at, at)].max(0.0).sqrt();
-            Estimated {
-                name: set.text(i, self.columns()),
-                unit: self.columns().list[set.kept[i]].unit,
-                nominal: nominal[i],
-                value: value[i],
-                ci95: [value[i] - critical * sd, value[i] + critical * sd],
-                relative_sd: (sd / value[i].abs().max(f64::MIN_POSITIVE)).min(f64::MAX),
-            }
-        };
-        (places.iter().enumerate().map(each).collect(), covariance)
-    }
 }
 
 impl Fit {
     /// The nominal robot.
     fn none(columns: &Columns) -> Self {
-        Self { theta: columns.nominal(), direct: columns.nominal(), noise: Vec::new(), prior_weight: 0.0 }
+        Self { theta: columns.nominal(), direct: columns.nominal(), noise: Vec::new(), prior_weight: 0.0, spread: Spread::Weighted }
     }
 }
 

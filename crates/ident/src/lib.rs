@@ -17,6 +17,7 @@ pub mod excitation;
 pub mod factor;
 pub mod filter;
 pub mod gains;
+pub mod gram;
 pub mod grid;
 pub mod grouping;
 pub mod identify;
@@ -34,7 +35,7 @@ pub mod spectrum;
 pub mod statistics;
 mod walk;
 
-pub use answer::{Identification, IdentifyError, Settings, Shapes, Simulate, Term};
+pub use answer::{Identification, IdentifyError, Intervals, Settings, Shapes, Simulate, Term};
 pub use error::InputError;
 pub use excitation::excite;
 pub use identify::{identify, identify_in_closed_loop};

@@ -100,6 +100,42 @@ pub enum Note {
         /// Passes.
         iterations: usize,
     },
+    /// No combination of noisy columns is the effort: the estimate is weighted least squares.
+    NoTotal {
+        /// Base parameters that were asked for.
+        parameters: usize,
+    },
+    /// Parameters that are at the edge of what is physical: intervals of the others are those with these held there.
+    AtBound {
+        /// Their names.
+        parameters: Vec<String>,
+    },
+    /// The outputs of a simulation do not depend on a parameter.
+    Silent {
+        /// Its name.
+        parameter: String,
+    },
+    /// The outputs of a simulation depend on a combination of parameters only.
+    OnlyTogether {
+        /// Their names.
+        parameters: Vec<String>,
+    },
+    /// The search for a gain ended at an end of its range.
+    GainAtBound {
+        /// The driven joint.
+        joint: String,
+        /// The gain at that end.
+        gain: f64,
+        /// The range of gains that was searched.
+        range: [f64; 2],
+    },
+    /// The estimated lateness is an end of the range that was searched: the efforts are left where they are stamped.
+    LatenessAtEdge {
+        /// Where the search ended `[s]`.
+        late_s: f64,
+        /// Range to either side `[s]`.
+        most_s: f64,
+    },
     /// No instruments could be made: the estimate is weighted least squares.
     NoInstruments {
         /// Simulations that went well before.
@@ -167,7 +203,7 @@ impl Note {
             Self::NoMotion | Self::FewRows { .. } | Self::Solver { outcome: "failed", .. } | Self::NoKnownLoad { .. } => {
                 Status::NotIdentified
             }
-            Self::NominalNotABody { .. } => Status::Identified,
+            Self::NominalNotABody { .. } | Self::AtBound { .. } => Status::Identified,
             _ => Status::Doubtful,
         }
     }
@@ -226,6 +262,28 @@ impl fmt::Display for Note {
             }
             Self::Solver { outcome, iterations } => write!(f, "the convex program ended {outcome} after {iterations} iterations"),
             Self::NotSettled { iterations } => write!(f, "the iteration did not settle in {iterations} passes"),
+            Self::NoTotal { parameters } => write!(
+                f,
+                "no total least squares of {parameters} parameters: the smallest singular vector has no part along the effort; this is the \
+                 weighted least-squares estimate"
+            ),
+            Self::AtBound { parameters } => {
+                write!(f, "at the edge of what is physical: {}; other intervals are those with these held there", parameters.join(", "))
+            }
+            Self::Silent { parameter } => write!(f, "{parameter}: no output depends on it; it stays where the search began"),
+            Self::OnlyTogether { parameters } => {
+                write!(f, "{}: the outputs depend on a combination of them only, and not on each by itself", parameters.join(", "))
+            }
+            Self::GainAtBound { joint, gain, range: [low, high] } => write!(
+                f,
+                "{joint}: the search for its gain ended at {gain:.3}, an end of its range {low:.3} to {high:.3}: is the load stated in kilograms, \
+                 and on for the whole recording?"
+            ),
+            Self::LatenessAtEdge { late_s, most_s } => write!(
+                f,
+                "the efforts look {late_s:.4} s late, an end of the range of {most_s:.4} s to either side: they were left as stamped; search \
+                 wider, or look at the clocks"
+            ),
             Self::NoInstruments { iterations, reason } => {
                 write!(f, "no instruments after {iterations} simulations ({reason}): this is the weighted least-squares estimate")
             }

@@ -10,6 +10,7 @@ use faer::Mat;
 use crate::minimise::levenberg_marquardt::{self, Squares, levenberg_marquardt};
 use crate::minimise::nelder_mead::{self, nelder_mead};
 use crate::minimise::{Bounds, Ending};
+use crate::note::Note;
 use crate::statistics::{Residual, critical_95};
 
 /// Correlation of two estimates from which on the data hardly tell them apart.
@@ -69,7 +70,8 @@ pub struct Found {
     pub unit: &'static str,
     /// Value.
     pub value: f64,
-    /// 95 % interval, residuals coloured as they are; infinite when the outputs do not depend on the parameter by itself.
+    /// 95 % interval, residuals coloured as they are; infinite when the outputs do not depend on the parameter, or only on it and others
+    /// together.
     pub ci95: [f64; 2],
     /// Whether it ended at a bound.
     pub is_at_bound: bool,
@@ -93,12 +95,21 @@ pub struct Confounded {
     pub correlation: f64,
 }
 
+/// A direction of the parameters along which the outputs change by less than this share of the most they change by (columns at length one)
+/// is not shown; differences have some eight digits.
+const NOT_SHOWN: f64 = 1e-7;
+
+/// Part of a direction, of length one, that counts.
+const PART: f64 = 1e-3;
+
 /// The outcome.
 #[derive(Debug, Clone)]
 pub struct OutputError {
+    /// What is to be said against it.
+    pub notes: Vec<Note>,
     /// The parameters.
     pub found: Vec<Found>,
-    /// Their covariance.
+    /// Their covariance; infinite variances of parameters that are not shown, uncorrelated with others.
     pub covariance: Mat<f64>,
     /// Condition number of the derivatives, columns at length one: infinite when a combination of parameters has no say.
     pub condition: f64,
@@ -254,18 +265,20 @@ impl Problem<'_, '_> {
         let count: usize = series.iter().flatten().map(Vec::len).sum();
         let freedom = 1.0 - n as f64 / count.max(1) as f64;
         let residuals: Vec<Residual> = series.iter().map(|s| Residual::of(s, freedom)).collect();
-        let covariance = self.covariance(squares, &residuals);
+        let shown = Shown::of(&squares.jacobian);
+        let covariance = self.covariance(squares, &residuals, &shown);
         let bandwidth = residuals.iter().map(Residual::bandwidth).fold(0.0, f64::max);
         let critical = critical_95(bandwidth);
         let found = |(k, u): (usize, &Unknown)| {
             let sd = covariance[(k, k)].max(0.0).sqrt();
             let value = squares.x[k];
+            let half = if sd.is_finite() { critical * sd } else { f64::INFINITY };
             let near = |bound: f64| (value - bound).abs() <= 1e-9 * u.scale;
             Found {
                 name: u.name.clone(),
                 unit: u.unit,
                 value,
-                ci95: [value - critical * sd, value + critical * sd],
+                ci95: [value - half, value + half],
                 is_at_bound: near(u.bounds.lower) || near(u.bounds.upper),
             }
         };
@@ -273,7 +286,8 @@ impl Problem<'_, '_> {
         OutputError {
             found: self.unknowns.iter().enumerate().map(found).collect(),
             condition: condition(&squares.jacobian),
-            confounded: self.confounded(&covariance),
+            confounded: self.confounded(&covariance, &shown),
+            notes: shown.notes(self.unknowns),
             covariance,
             fitted: self.fit.iter().enumerate().map(|(i, t)| meet(t, (self.simulate)(&squares.x, i))).collect(),
             validated: validate.iter().enumerate().map(|(i, t)| meet(t, (self.simulate)(&squares.x, at + i))).collect(),
@@ -284,11 +298,11 @@ impl Problem<'_, '_> {
         }
     }
 
-    /// The sandwich `H⁻¹·Σ JᵀΩJ·H⁻¹` with every channel's autocovariance; infinite when a combination of parameters has no say.
-    fn covariance(&self, squares: &Squares, residuals: &[Residual]) -> Mat<f64> {
+    /// The sandwich `H⁻¹·Σ JᵀΩJ·H⁻¹` with every channel's autocovariance, in the directions that are shown; infinite for the parameters
+    /// that have a part in others.
+    fn covariance(&self, squares: &Squares, residuals: &[Residual], shown: &Shown) -> Mat<f64> {
         let n = self.unknowns.len();
-        let j = &squares.jacobian;
-        let Some(inverse) = levenberg_marquardt::covariance(j) else { return Mat::from_fn(n, n, |_, _| f64::MAX) };
+        let (j, inverse) = (&squares.jacobian, &shown.inverse);
         let mut spread = Mat::<f64>::zeros(n, n);
         let mut from = 0;
         for t in self.fit {
@@ -304,20 +318,74 @@ impl Problem<'_, '_> {
                 from += len;
             }
         }
-        let mut sandwich = &inverse * spread * &inverse;
-        crate::statistics::at_least_white(&mut sandwich, &inverse);
-        sandwich
+        let mut sandwich = inverse * spread * inverse;
+        crate::statistics::at_least_white(&mut sandwich, inverse);
+        let is_hidden = |k: usize| shown.silent.contains(&k) || shown.hidden.iter().any(|d| d[k].abs() > PART);
+        Mat::from_fn(n, n, |i, k| match (is_hidden(i) || is_hidden(k), i == k) {
+            (false, _) => sandwich[(i, k)],
+            (true, true) => f64::INFINITY,
+            (true, false) => 0.0,
+        })
     }
 
-    fn confounded(&self, covariance: &Mat<f64>) -> Vec<Confounded> {
+    fn confounded(&self, covariance: &Mat<f64>, shown: &Shown) -> Vec<Confounded> {
         let n = self.unknowns.len();
         let pair = |i: usize, k: usize| {
+            // Two parameters that have a part in one hidden direction trade places along it.
+            let together = shown.hidden.iter().map(|d| d[i] * d[k]).find(|x| x.abs() > PART * PART);
             let both = (covariance[(i, i)] * covariance[(k, k)]).sqrt();
-            let correlation = if both > 0.0 && both.is_finite() { covariance[(i, k)] / both } else { 1.0 };
+            let correlation = together.map_or_else(|| if both > 0.0 { covariance[(i, k)] / both } else { 0.0 }, f64::signum);
             let names = [i, k].map(|i| self.unknowns[i].name.clone());
             (correlation.abs() > CONFOUNDED).then_some(Confounded { names, correlation })
         };
         (0..n).flat_map(|i| (i + 1..n).map(move |k| (i, k))).filter_map(|(i, k)| pair(i, k)).collect()
+    }
+}
+
+/// What the derivatives show of the parameters.
+struct Shown {
+    /// Inverse of `JᵀJ` in the directions that are shown.
+    inverse: Mat<f64>,
+    /// Parameters on which nothing depends.
+    silent: Vec<usize>,
+    /// Other directions that are not shown: a part per parameter, of length one at columns of length one.
+    hidden: Vec<Vec<f64>>,
+}
+
+impl Shown {
+    fn of(jacobian: &Mat<f64>) -> Self {
+        let n = jacobian.ncols();
+        let lengths: Vec<f64> = (0..n).map(|k| jacobian.col(k).norm_l2()).collect();
+        let (heard, silent): (Vec<usize>, Vec<usize>) = (0..n).partition(|&k| lengths[k] > 0.0);
+        let mut out = Self { inverse: Mat::zeros(n, n), silent, hidden: Vec::new() };
+        let unit = Mat::from_fn(jacobian.nrows(), heard.len(), |i, k| jacobian[(i, heard[k])] / lengths[heard[k]]);
+        let Ok(svd) = unit.thin_svd() else {
+            out.silent = (0..n).collect();
+            return out;
+        };
+        let values: Vec<f64> = svd.S().column_vector().iter().copied().collect();
+        let top = values.first().copied().unwrap_or(0.0);
+        for (c, s) in values.iter().enumerate() {
+            let direction: Vec<f64> = (0..heard.len()).map(|k| svd.V()[(k, c)]).collect();
+            if *s <= NOT_SHOWN * top {
+                let mut all = vec![0.0; n];
+                heard.iter().zip(&direction).for_each(|(&k, x)| all[k] = *x);
+                out.hidden.push(all);
+                continue;
+            }
+            for (i, a) in heard.iter().zip(&direction) {
+                for (k, b) in heard.iter().zip(&direction) {
+                    out.inverse[(*i, *k)] += a * b / (s * s * lengths[*i] * lengths[*k]);
+                }
+            }
+        }
+        out
+    }
+
+    fn notes(&self, unknowns: &[Unknown]) -> Vec<Note> {
+        let silent = self.silent.iter().map(|&k| Note::Silent { parameter: unknowns[k].name.clone() });
+        let named = |d: &Vec<f64>| unknowns.iter().zip(d).filter(|(_, x)| x.abs() > PART).map(|(u, _)| u.name.clone()).collect();
+        silent.chain(self.hidden.iter().map(|d| Note::OnlyTogether { parameters: named(d) })).collect()
     }
 }
 
@@ -411,8 +479,61 @@ mod tests {
         let measured = lag(&[2.5, 0.17], 60).iter().zip(noise(400)).map(|(y, e)| y + 0.01 * e).collect();
         let trial = Trial { name: "t".to_string(), outputs: vec![measured] };
         let out = output_error(&unknowns(), &[trial], &[], &mut simulate, Strategy::Squares).unwrap();
-        assert!(out.condition > 1e6 && (out.confounded.len() == 1 || out.found[0].ci95[1] > 1e3), "{out:?}");
-        assert!((out.found[0].value * out.found[1].value - 2.5).abs() < 0.05);
+        assert!((out.found[0].value * out.found[1].value - 2.5).abs() < 0.01);
+        let names = ["gain", "time constant"].map(str::to_string);
+        // More of one is less of the other, wholly.
+        assert_eq!(out.confounded, [Confounded { names: names.clone(), correlation: -1.0 }]);
+        assert_eq!(out.notes, [Note::OnlyTogether { parameters: names.to_vec() }]);
+        assert!(out.found.iter().all(|f| f.ci95 == [f64::NEG_INFINITY, f64::INFINITY]) && out.condition > 1e7, "{out:?}");
+    }
+
+    /// `y = x₀·sin + x₁·(cosine·sin + sine·cos)` over whole periods: columns of square n/2 at that angle.
+    fn two_columns(x: &[f64], cosine: f64, n: usize) -> Vec<f64> {
+        let sine = (1.0 - cosine * cosine).sqrt();
+        let turn = |i: usize| 2.0 * core::f64::consts::PI * 20.0 * i as f64 / n as f64;
+        (0..n).map(|i| x[0] * math::sin(turn(i)) + x[1] * (cosine * math::sin(turn(i)) + sine * math::cos(turn(i)))).collect()
+    }
+
+    #[test]
+    fn correlations_and_spreads_are_those_of_the_angle_between_the_columns() {
+        // White noise s on two columns of square n/2 at an angle: variance 2s²/(n·sin²), correlation −cos.
+        let (n, s) = (4000, 0.02);
+        for (cosine, is_named) in [(0.99, true), (0.9, false), (-0.99, true)] {
+            let measured = two_columns(&[1.0, 1.0], cosine, n).iter().zip(noise(n)).map(|(y, e)| y + s * e).collect();
+            let trial = Trial { name: "t".to_string(), outputs: vec![measured] };
+            let mut simulate = |x: &[f64], _: usize| Some(vec![two_columns(x, cosine, n)]);
+            let out = output_error(&unknowns(), &[trial], &[], &mut simulate, Strategy::Squares).unwrap();
+            let sd = s * (2.0 / (n as f64 * (1.0 - cosine * cosine))).sqrt();
+            for f in &out.found {
+                let half = 0.5 * (f.ci95[1] - f.ci95[0]);
+                assert!((half / (1.96 * sd) - 1.0).abs() < 0.1, "{cosine}: {half} instead of {}", 1.96 * sd);
+                assert!((f.value - 1.0).abs() < 3.3 * sd, "{cosine}: {f:?}");
+            }
+            assert_eq!(out.confounded.len(), usize::from(is_named), "{cosine}: {:?}", out.confounded);
+            assert!(out.confounded.iter().all(|c| (c.correlation + cosine).abs() < 5e-3), "{cosine}: {:?}", out.confounded);
+            assert!(out.notes.is_empty());
+        }
+    }
+
+    #[test]
+    fn a_parameter_on_which_nothing_depends_is_named_and_takes_no_other_with_it() {
+        let (n, s) = (4000, 0.02);
+        let measured: Vec<f64> = two_columns(&[1.0, 1.0], 0.5, n).iter().zip(noise(n)).map(|(y, e)| y + s * e).collect();
+        let trial = Trial { name: "t".to_string(), outputs: vec![measured] };
+        let idle = Unknown { name: "idle".to_string(), ..unknowns()[0].clone() };
+        let asked = [unknowns()[0].clone(), idle, unknowns()[1].clone()];
+        let mut simulate = |x: &[f64], _: usize| Some(vec![two_columns(&[x[0], x[2]], 0.5, n)]);
+        let out = output_error(&asked, core::slice::from_ref(&trial), &[], &mut simulate, Strategy::Squares).unwrap();
+        let mut without = |x: &[f64], _: usize| Some(vec![two_columns(x, 0.5, n)]);
+        let alone = output_error(&unknowns(), &[trial], &[], &mut without, Strategy::Squares).unwrap();
+        assert_eq!(out.notes, [Note::Silent { parameter: "idle".to_string() }]);
+        assert_eq!(out.found[1].ci95, [f64::NEG_INFINITY, f64::INFINITY]);
+        assert!(out.confounded.is_empty(), "{:?}", out.confounded);
+        for (with, without) in [&out.found[0], &out.found[2]].into_iter().zip(&alone.found) {
+            for k in 0..2 {
+                assert!((with.ci95[k] - without.ci95[k]).abs() < 1e-3 * (without.ci95[1] - without.ci95[0]), "{with:?} {without:?}");
+            }
+        }
     }
 
     #[test]

@@ -11,7 +11,7 @@ use crate::columns::{is_friction_law, is_linear};
 use crate::error::InputError;
 use crate::estimate::least_squares;
 use crate::estimate::weighted::{drive_noise, scatter};
-use crate::factor::{Factors, squared_error};
+use crate::factor::Factors;
 use crate::minimise::nelder_mead::{Options, nelder_mead};
 use crate::minimise::{Bounds, Ending};
 use crate::motion::Use;
@@ -23,8 +23,8 @@ const FIRST: f64 = 2.0;
 const RANGE: f64 = 1000.0;
 
 /// Factors by which each shape is tried away from its stated value before the search: the profile has other valleys, in which a friction
-/// peak stands for a drag that grows with speed.
-const TRIED: [f64; 6] = [1.0 / 27.0, 1.0 / 9.0, 1.0 / 3.0, 3.0, 9.0, 27.0];
+/// peak stands for a drag that grows with speed. Powers of the root of three: at steps of three the right valley can look the shallower one.
+const TRIED: [f64; 12] = [1.0 / 27.0, 0.0642, 1.0 / 9.0, 0.1925, 1.0 / 3.0, 0.5774, 1.732, 3.0, 5.196, 9.0, 15.59, 27.0];
 
 /// Walks over the recordings per shape, at most, those trials apart.
 const WALKS: usize = 60;
@@ -46,9 +46,9 @@ pub struct Shape {
     pub stated: f64,
     /// As found.
     pub value: f64,
-    /// 95 % interval, from the curvature of the profile; the whole range when the profile is flat.
+    /// 95 % interval, from the curvature of the profile; to an end of the range where the shape there does as well as the one found.
     pub ci95: [f64; 2],
-    /// Whether the motion shows this shape: the search ended inside its range, and with curvature.
+    /// Whether the motion shows this shape: the search ended inside its range, with curvature, and neither end of it does as well.
     pub is_shown: bool,
 }
 
@@ -77,18 +77,21 @@ fn places(robot: &Robot) -> Vec<Place> {
 /// such shape comes back as it is.
 ///
 /// # Errors
-/// Recordings that do not fit the robot.
+/// Recordings that do not fit the robot, a shape that is stated as zero or less.
 pub fn projected(robot: &Robot, fit: &[Recording], kind: Use, rows: RowOptions) -> Result<(Robot, Vec<Shape>), InputError> {
     let places = places(robot);
     if places.is_empty() {
         return Ok((robot.clone(), Vec::new()));
+    }
+    let stated: Vec<f64> = places.iter().map(|p| robot.effects[p.effect].values[p.value]).collect();
+    if let Some((p, &value)) = places.iter().zip(&stated).find(|(_, x)| !(x.is_finite() && **x > 0.0)) {
+        return Err(InputError::Shape { shape: p.name.clone(), value, robot: robot.model.name.clone() });
     }
     let pairs: Vec<(&Recording, Use)> = fit.iter().map(|r| (r, kind)).collect();
     // The band is that of the motion, whatever the shapes.
     let band = Observation::try_new(robot, &pairs, rows)?.band();
     let rows = RowOptions { band_hz: Some(band), ..rows };
     let mut search = Search { robot: robot.clone(), places: &places, pairs: &pairs, rows, noise: Vec::new(), error: None };
-    let stated: Vec<f64> = places.iter().map(|p| robot.effects[p.effect].values[p.value].max(p.lower).max(f64::MIN_POSITIVE)).collect();
     let start: Vec<f64> = stated.iter().map(|x| math::ln(*x)).collect();
     let bounds: Vec<Bounds> = start
         .iter()
@@ -100,24 +103,34 @@ pub fn projected(robot: &Robot, fit: &[Recording], kind: Use, rows: RowOptions) 
     let options = Options { evaluations: WALKS * places.len(), step: 5e-3, cost: 1e-6 };
     let found = nelder_mead(&mut |x| search.cost(x), &start, &steps, &bounds, &options);
     let values = if found.ending == Ending::NoStart { start } else { found.x };
-    let spread = search.spread(&values)?;
+    let spread = search.spread(&values, &bounds)?;
     if let Some(error) = search.error {
         return Err(error);
     }
     let robot = search.with(&values);
     let shape = |(k, p): (usize, &Place)| {
         let at_edge = (values[k] - bounds[k].lower).min(bounds[k].upper - values[k]) < 0.01;
-        let half = spread[k];
+        let Spread { half, reaches: [low, high] } = spread[k];
+        let [below, above] = [low, high].map(|reaches| if reaches { f64::INFINITY } else { half });
         Shape {
             name: p.name.clone(),
             unit: p.unit,
             stated: stated[k],
             value: math::exp(values[k]),
-            ci95: [math::exp((values[k] - half).max(bounds[k].lower)), math::exp((values[k] + half).min(bounds[k].upper))],
-            is_shown: !at_edge && half < math::ln(RANGE),
+            ci95: [math::exp((values[k] - below).max(bounds[k].lower)), math::exp((values[k] + above).min(bounds[k].upper))],
+            is_shown: !at_edge && half < math::ln(RANGE) && !low && !high,
         }
     };
     Ok((robot, places.iter().enumerate().map(shape).collect()))
+}
+
+/// Interval of a shape's logarithm.
+#[derive(Clone, Copy)]
+struct Spread {
+    /// Half width of the 95 % interval by the curvature; infinite without.
+    half: f64,
+    /// Whether the lower and the upper end of the range do as well as the shape found.
+    reaches: [bool; 2],
 }
 
 struct Search<'s> {
@@ -125,7 +138,7 @@ struct Search<'s> {
     places: &'s [Place],
     pairs: &'s [(&'s Recording, Use)],
     rows: RowOptions,
-    /// Noise of the drives at the first shapes: one yardstick for all.
+    /// Noise of the drives at the first shapes: the unit of the cost.
     noise: Vec<f64>,
     error: Option<InputError>,
 }
@@ -182,18 +195,27 @@ impl Search<'_> {
         };
         let even: Vec<f64> = (0..usable.len()).map(size).collect();
         let kept = independent(&factors.weighted(&even).triangle());
-        if self.noise.is_empty() {
-            self.noise = drive_noise(&factors, &kept, &usable);
-        }
-        let weights: Vec<f64> = self.noise.iter().map(|s| 1.0 / s).collect();
+        let noise = drive_noise(&factors, &kept, &usable);
+        let weights: Vec<f64> = noise.iter().map(|s| 1.0 / s).collect();
         let triangle = factors.weighted(&weights).triangle();
         let theta = scatter(&least_squares::ordinary(&triangle, &kept), &kept, factors.n_columns());
-        Ok((squared_error(&triangle, &theta), theta))
+        if self.noise.is_empty() {
+            self.noise.clone_from(&noise);
+        }
+        // The likelihood with every drive's noise as these shapes leave it: a yardstick from wrong shapes would not listen to the drive that
+        // they spoil. As a power of it, so that it is a squared error about the first shapes.
+        let of = |k: usize| factors.drive(k).count() as f64 * 2.0 * math::ln(noise[k] / self.noise[k]);
+        let rows: usize = (0..usable.len()).filter(|&k| usable[k]).map(|k| factors.drive(k).count()).sum();
+        let rows = rows.max(1) as f64;
+        let log: f64 = (0..usable.len()).filter(|&k| usable[k]).map(of).sum();
+        Ok((rows * math::exp(log / rows), theta))
     }
 
-    /// Half widths of the 95 % intervals of the logarithms; infinite without curvature.
-    fn spread(&mut self, x: &[f64]) -> Result<Vec<f64>, InputError> {
+    /// Intervals of the logarithms.
+    fn spread(&mut self, x: &[f64], bounds: &[Bounds]) -> Result<Vec<Spread>, InputError> {
         let n = x.len();
+        // Errors in units of the noise that the shapes found leave.
+        self.noise.clear();
         let (middle, theta) = self.solved(x)?;
         let mut at = |i: usize, k: usize, si: f64, sk: f64| {
             let mut there = x.to_vec();
@@ -214,9 +236,20 @@ impl Search<'_> {
         let residuals: Vec<Residual> = residual_series(&observation, Rows::Fitted, &theta)?.iter().map(|s| Residual::of(s, 1.0)).collect();
         let colour = residuals.iter().map(Residual::colour).fold(1.0, f64::max);
         let critical = critical_95(residuals.iter().map(Residual::bandwidth).fold(0.0, f64::max));
-        let Ok(llt) = bend.llt(Side::Lower) else { return Ok(vec![f64::INFINITY; n]) };
-        let inverse = llt.solve(Mat::<f64>::identity(n, n));
-        Ok((0..n).map(|k| critical * (colour * inverse[(k, k)].max(0.0)).sqrt()).collect())
+        let inverse = bend.llt(Side::Lower).ok().map(|llt| llt.solve(Mat::<f64>::identity(n, n)));
+        let mut out = Vec::new();
+        for (k, bound) in bounds.iter().enumerate() {
+            let half = inverse.as_ref().map_or(f64::INFINITY, |c| critical * (colour * c[(k, k)].max(0.0)).sqrt());
+            // A law that is hardly there has a bent profile all the same, between ends at which it is another law's: the interval of the
+            // likelihood ratio goes as far as the error does not grow by what chance brings.
+            let reaches = [bound.lower, bound.upper].map(|end| {
+                let mut there = x.to_vec();
+                there[k] = end;
+                self.cost(&there) - middle < critical * critical * colour
+            });
+            out.push(Spread { half, reaches });
+        }
+        Ok(out)
     }
 }
 

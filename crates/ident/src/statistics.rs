@@ -160,13 +160,34 @@ pub fn residual_series(observation: &Observation<'_>, rows: Rows, theta: &[f64])
     Ok(out)
 }
 
-/// The two matrices of the sandwich covariance, over one set of independent columns.
+/// How much the rows of a drive have to say in an estimate that solves `Σ pull·Wᵀ·ψ = 0`: weighted least squares has `ψ = e` and
+/// `pull = bend = 1/σ²`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Say {
+    /// Weight of a row in the derivative of that sum with respect to the parameters.
+    pub bend: f64,
+    /// Weight of a row in the sum.
+    pub pull: f64,
+}
+
+impl Say {
+    /// Of weighted least squares with this standard deviation; none where it is infinite.
+    #[must_use]
+    pub fn weighted(noise: f64) -> Option<Self> {
+        let weight = 1.0 / (noise * noise);
+        noise.is_finite().then_some(Self { bend: weight, pull: weight })
+    }
+}
+
+/// The matrices of the sandwich covariance, over one set of independent columns.
 #[derive(Debug, Clone)]
 pub struct Sandwich {
-    /// `H = Σ WᵀW/σ²`.
+    /// `H = Σ bend·WᵀW`.
     information: Mat<f64>,
-    /// `Ω`: the covariance of `Σ Wᵀe/σ²`.
+    /// `Ω`: the covariance of `Σ pull·Wᵀψ`.
     spread: Mat<f64>,
+    /// The same of white residuals.
+    white: Mat<f64>,
 }
 
 impl Sandwich {
@@ -175,9 +196,18 @@ impl Sandwich {
     /// # Errors
     /// Loops that do not close along a recording.
     pub fn of(observation: &Observation<'_>, kept: &[usize], noise: &[f64], residuals: &[Residual]) -> Result<Self, InputError> {
+        let says: Vec<Option<Say>> = noise.iter().map(|s| Say::weighted(*s)).collect();
+        Self::with(observation, kept, &says, residuals)
+    }
+
+    /// The same for any estimate of the kind of [`Say`], `residuals` being those of its `ψ`; drives without a say do not take part.
+    ///
+    /// # Errors
+    /// Loops that do not close along a recording.
+    pub fn with(observation: &Observation<'_>, kept: &[usize], says: &[Option<Say>], residuals: &[Residual]) -> Result<Self, InputError> {
         let p = kept.len();
-        let mut out = Self { information: Mat::zeros(p, p), spread: Mat::zeros(p, p) };
-        let mut past: Vec<VecDeque<Vec<f64>>> = vec![VecDeque::new(); noise.len()];
+        let mut out = Self { information: Mat::zeros(p, p), spread: Mat::zeros(p, p), white: Mat::zeros(p, p) };
+        let mut past: Vec<VecDeque<Vec<f64>>> = vec![VecDeque::new(); says.len()];
         let mut recording = usize::MAX;
         observation.each(
             Rows::Fitted,
@@ -186,8 +216,8 @@ impl Sandwich {
                     past.iter_mut().for_each(VecDeque::clear);
                     recording = block.recording;
                 }
-                for k in (0..noise.len()).filter(|&k| noise[k].is_finite()) {
-                    out.add((block, k), kept, &mut past[k], 1.0 / (noise[k] * noise[k]), &residuals[k].autocovariance);
+                for (k, say) in says.iter().enumerate().filter_map(|(k, say)| say.map(|say| (k, say))) {
+                    out.add((block, k), kept, &mut past[k], say, &residuals[k].autocovariance);
                 }
             },
             &mut |_| {},
@@ -195,7 +225,7 @@ impl Sandwich {
         Ok(out)
     }
 
-    fn add(&mut self, (block, k): (&Block<'_>, usize), kept: &[usize], past: &mut VecDeque<Vec<f64>>, weight: f64, gamma: &[f64]) {
+    fn add(&mut self, (block, k): (&Block<'_>, usize), kept: &[usize], past: &mut VecDeque<Vec<f64>>, say: Say, gamma: &[f64]) {
         let p = kept.len();
         let (mut now, mut lagged) = (Mat::<f64>::zeros(block.len(), p), Mat::<f64>::zeros(block.len(), p));
         for i in 0..block.len() {
@@ -213,12 +243,39 @@ impl Sandwich {
                 now[(i, j)] = *x;
             }
         }
-        self.information += now.transpose() * &now * faer::Scale(weight);
-        let half = now.transpose() * &lagged * faer::Scale(weight * weight);
+        let gram = now.transpose() * &now;
+        self.information += &gram * faer::Scale(say.bend);
+        self.white += &gram * faer::Scale(say.pull * say.pull * gamma.first().copied().unwrap_or(0.0));
+        let half = now.transpose() * &lagged * faer::Scale(say.pull * say.pull);
         self.spread += &half + half.transpose();
     }
 
-    /// Covariance of weighted least squares on some of the columns, given by their places among `kept`; `None` when it is singular.
+    /// With `diagonal` taken off the information: what total least squares does to it.
+    #[must_use]
+    pub fn less(mut self, diagonal: &[f64]) -> Self {
+        diagonal.iter().enumerate().for_each(|(j, x)| self.information[(j, j)] -= x);
+        self
+    }
+
+    /// Covariance of an estimate `C·x` that is drawn to a prior with the `precision` of `x`, the prior counted as knowledge:
+    /// `K·Ω·K + C·M⁻¹·Λ·M⁻¹·Cᵀ` with `M = Cᵀ·H·C + Λ` and `K = C·M⁻¹·Cᵀ`, which is `(H + Λ)⁻¹` for white residuals and `C = 1`; `None`
+    /// when `M` is singular. `slack` is the variance about the prior over the one it states: 1 for a prior that is taken at its word.
+    #[must_use]
+    pub fn drawn(&self, c: &Mat<f64>, precision: &Mat<f64>, slack: f64) -> Option<Mat<f64>> {
+        let m = c.transpose() * &self.information * c + precision;
+        let n = m.nrows();
+        let length: Vec<f64> = (0..n).map(|j| m[(j, j)].sqrt().max(f64::MIN_POSITIVE)).collect();
+        let scaled = Mat::from_fn(n, n, |i, j| m[(i, j)] / (length[i] * length[j]));
+        let inverse = scaled.llt(Side::Lower).ok()?.solve(Mat::<f64>::identity(n, n));
+        let inverse = Mat::from_fn(n, n, |i, j| inverse[(i, j)] / (length[i] * length[j]));
+        let through = c * &inverse;
+        let k = &through * c.transpose();
+        let mut sandwich = &k * &self.spread * &k;
+        at_least_white(&mut sandwich, &(&k * &self.white * &k));
+        Some(sandwich + &through * precision * through.transpose() * faer::Scale(slack))
+    }
+
+    /// Covariance of the estimate of some of the columns, given by their places among `kept`; `None` when it is singular.
     #[must_use]
     pub fn covariance(&self, of: &[usize]) -> Option<Mat<f64>> {
         let p = of.len();
@@ -227,7 +284,7 @@ impl Sandwich {
         let scaled = |m: &Mat<f64>| Mat::from_fn(p, p, |i, j| m[(of[i], of[j])] / (length[i] * length[j]));
         let inverse = scaled(&self.information).llt(Side::Lower).ok()?.solve(Mat::<f64>::identity(p, p));
         let mut sandwich = &inverse * scaled(&self.spread) * &inverse;
-        at_least_white(&mut sandwich, &inverse);
+        at_least_white(&mut sandwich, &(&inverse * scaled(&self.white) * &inverse));
         Some(Mat::from_fn(p, p, |i, j| sandwich[(i, j)] / (length[i] * length[j])))
     }
 }
@@ -261,12 +318,80 @@ mod tests {
             let part = new.transpose() * old * faer::Scale(if lag == 0 { 0.5 * gamma } else { *gamma });
             spread += &part + part.transpose();
         }
-        let sandwich = Sandwich { information: columns.transpose() * &columns, spread };
+        let gram = columns.transpose() * &columns;
+        let sandwich = Sandwich { white: &gram * faer::Scale(gamma[0]), information: gram, spread };
         let places: Vec<usize> = (0..p).collect();
         let covariance = sandwich.covariance(&places).unwrap();
-        // Of unit weights, that of white noise of variance one.
-        let white = 2.0 / n as f64;
+        // Of unit weights and columns of square n/2, that of white noise of the residual's variance.
+        let white = 2.0 * gamma[0] / n as f64;
         assert!(places.iter().all(|&k| covariance[(k, k)] > 0.99 * white), "{covariance:?}");
+    }
+
+    /// Information `H` of rows in three columns, white residuals of variance `gamma`.
+    fn white(columns: &Mat<f64>, gamma: f64) -> Sandwich {
+        let gram = columns.transpose() * columns;
+        Sandwich { spread: &gram * faer::Scale(gamma), white: &gram * faer::Scale(gamma), information: gram }
+    }
+
+    #[test]
+    fn a_prior_is_counted_as_knowledge_and_a_face_is_the_rest_of_the_columns() {
+        let columns = Mat::from_fn(200, 3, |i, j| pkm_dyn::math::sin(0.1 * (i * (j + 1)) as f64 + j as f64) * (j + 1) as f64);
+        let (one, white) = (Mat::<f64>::identity(3, 3), white(&columns, 1.0));
+        let precision = Mat::from_fn(3, 3, |i, j| if i == j { 50.0 * (i + 1) as f64 } else { 0.0 });
+        // White residuals of unit variance: the posterior is (H + Λ)⁻¹.
+        let found = white.drawn(&one, &precision, 1.0).unwrap();
+        let product = (&white.information + &precision) * &found;
+        assert!((&product - &one).norm_max() < 1e-10, "{product:?}");
+        // Without a prior, on the face where the second parameter stays: the covariance of the other two, and none of the second.
+        let face = Mat::from_fn(3, 2, |i, j| f64::from(u8::from(i == 2 * j)));
+        let (held, rest) = (white.drawn(&face, &Mat::zeros(2, 2), 1.0).unwrap(), white.covariance(&[0, 2]).unwrap());
+        for i in 0..3 {
+            for j in 0..3 {
+                let want = if i == 1 || j == 1 { 0.0 } else { rest[(i / 2, j / 2)] };
+                assert!((held[(i, j)] - want).abs() < 1e-12, "{i} {j}: {} {want}", held[(i, j)]);
+            }
+        }
+    }
+
+    #[test]
+    fn total_least_squares_holds_the_truth_where_columns_and_target_are_noisy_alike() {
+        use crate::estimate::least_squares::total;
+        use crate::factor::Factor;
+        let (n, runs, truth) = (400, 300, [1.0, -2.0, 0.5]);
+        let all = noise(n * 4 * runs);
+        let (mut inside, mut below) = (0, 0);
+        for run in 0..runs {
+            let e = |i: usize, j: usize| all[(run * n + i) * 4 + j];
+            let clean = |i: usize, j: usize| 1.4 * pkm_dyn::math::sin((0.31 + 0.4 * j as f64) * i as f64);
+            let size = [clean_square(&clean, 0, n), clean_square(&clean, 1, n), clean_square(&clean, 2, n)];
+            let target = |i: usize| (0..3).map(|j| truth[j] * clean(i, j)).sum::<f64>();
+            let target_size = ((0..n).map(|i| target(i) * target(i)).sum::<f64>() / n as f64).sqrt();
+            // A fifth of every column's and of the target's rms.
+            let columns = Mat::from_fn(n, 3, |i, j| clean(i, j) + 0.2 * size[j] * e(i, j));
+            let mut factor = Factor::new(3);
+            let z: Vec<f64> = (0..n).map(|i| target(i) + 0.2 * target_size * e(i, 3)).collect();
+            for i in 0..n {
+                let row: Vec<f64> = (0..3).map(|j| columns[(i, j)]).collect();
+                factor.push(&row, z[i], z[i]);
+            }
+            let found = total(&factor.triangle(), &[0, 1, 2]).unwrap();
+            let left = factor.error_square(&found.values) / (n - 3) as f64;
+            let covariance = white(&columns, left).less(&found.noise).covariance(&[0, 1, 2]).unwrap();
+            let plain = white(&columns, left).covariance(&[0, 1, 2]).unwrap();
+            for (j, want) in truth.iter().enumerate() {
+                let miss = (found.values[j] - want).abs() / 1.96;
+                inside += usize::from(miss <= covariance[(j, j)].sqrt());
+                below += usize::from(miss <= plain[(j, j)].sqrt());
+            }
+        }
+        let share = |count: usize| count as f64 / (3 * runs) as f64;
+        assert!((0.92..0.985).contains(&share(inside)), "{}", share(inside));
+        // Noise in the columns makes them look longer: intervals that do not take it off are too narrow.
+        assert!(share(below) < share(inside), "{} {}", share(below), share(inside));
+    }
+
+    fn clean_square(clean: &dyn Fn(usize, usize) -> f64, j: usize, n: usize) -> f64 {
+        ((0..n).map(|i| clean(i, j) * clean(i, j)).sum::<f64>() / n as f64).sqrt()
     }
 
     /// Numbers that look random: a linear congruence, summed to be near normal.

@@ -78,9 +78,9 @@ fn tell(e: &Excitation) {
         e.robot,
         e.quality.condition,
         e.random.motions,
-        e.random.best.condition,
+        e.random.best.as_ref().unwrap().condition,
         math::exp(e.random.median),
-        e.gain(),
+        e.gain().unwrap(),
         e.structural,
         e.columns.len(),
         e.well_conditioned,
@@ -94,7 +94,8 @@ fn motions_are_better_than_random_ones_and_keep_every_limit() {
         let robot = shipped(name);
         let e = found(&robot, &quick());
         tell(&e);
-        assert!(e.gain() > least, "{name}: {}", e.gain());
+        let gain = e.gain().unwrap();
+        assert!(gain > least, "{name}: {gain}");
         assert_eq!(e.structural, e.columns.len());
         assert_admissible(&robot, &e, 6000);
     }
@@ -105,9 +106,28 @@ fn an_arm_of_six_axes_is_excited_as_well() {
     let robot = shipped("serial_arm");
     let e = found(&robot, &Settings { restarts: 1, draws: 6, iterations: 16, ..quick() });
     tell(&e);
-    assert!(e.gain() > 1.7, "{}", e.gain());
+    let gain = e.gain().unwrap();
+    assert!(gain > 1.7, "{gain}");
     assert_eq!((e.structural, e.columns.len()), (58, 58));
     assert_admissible(&robot, &e, 3000);
+}
+
+#[test]
+fn no_motion_is_worse_than_the_best_random_one_and_steps_are_counted_to_the_last() {
+    let robot = shipped("five_bar");
+    // Too few steps to get back from the share of the drawn motion that the descent begins at.
+    for iterations in [0, 1, 2, 3, 5] {
+        for seed in 1..=3 {
+            let e = found(&robot, &Settings { restarts: 2, draws: 4, iterations, seed, ..quick() });
+            let gain = e.gain().unwrap();
+            assert!(gain >= 1.0, "{iterations} steps, seed {seed}: {gain}");
+            assert!(e.traces.iter().all(|t| t.steps.len() <= iterations), "{iterations} steps: {:?}", e.traces);
+        }
+    }
+    // The search alone, as it was drawn, is not always the better one: without the comparison some of these are below one.
+    assert!((0..4).any(|seed| {
+        (found(&robot, &Settings { restarts: 1, draws: 6, iterations: 0, seed, ..quick() }).gain().unwrap() - 1.0).abs() < 1e-12
+    }));
 }
 
 #[test]
@@ -117,7 +137,8 @@ fn splines_serve_as_well_and_limits_of_this_motion_are_kept() {
     let settings = Settings { basis: Basis::Spline { pieces: 12 }, criterion: Criterion::Determinant, limits, ..quick() };
     let e = found(&robot, &settings);
     tell(&e);
-    assert!(e.gain() > 1.1 && e.quality.log_determinant > e.random.best.log_determinant, "{}", e.gain());
+    let gain = e.gain().unwrap();
+    assert!(gain > 1.1 && e.quality.log_determinant > e.random.best.as_ref().unwrap().log_determinant, "{gain}");
     assert_admissible(&robot, &e, 6000);
     let near = e.margins.iter().find(|m| m.what == Bounded::Velocity && m.place == "shoulder_left").unwrap();
     assert!((near.upper - 0.9).abs() < 1e-12, "{near:?}");
@@ -148,21 +169,33 @@ fn two_effects_are_further_apart_than_along_any_random_motion() {
     let effects = vec![effect("friction_load", &[("mu", 0.1)]), effect("friction_coulomb", &[("coulomb", 1.0)])];
     for criterion in [Criterion::Angle, Criterion::Power] {
         let e = found(&robot, &Settings { criterion, effects: effects.clone(), ..quick() });
-        let (s, random) = (e.quality.separation.unwrap(), e.random.best.separation.unwrap());
+        let (s, random) = (e.quality.separation.unwrap(), e.random.best.as_ref().unwrap().separation.unwrap());
         println!(
             "{criterion:?}: {:.1} degrees (random {:.1}), alone {:?} (random {:?}), gain {:.3}",
             s.angle_deg(),
             random.angle_deg(),
             s.alone,
             random.alone,
-            e.gain()
+            e.gain().unwrap()
         );
         match criterion {
             Criterion::Angle => assert!(s.angle_deg() > random.angle_deg() + 5.0, "{s:?} {random:?}"),
-            _ => assert!(e.gain() > 1.2, "{s:?} {random:?}"),
+            _ => assert!(e.gain().unwrap() > 1.2, "{s:?} {random:?}"),
         }
         assert_admissible(&robot, &e, 4000);
     }
+    // A ripple that the file states, a payload and a tilted base have columns as well, and theirs are no base parameters then.
+    let mut rippled = robot.clone();
+    rippled.effects = vec![effect("torque_ripple", &[("amplitude", 0.2), ("order", 4.0)])];
+    let root = Applied::try_new(&robot.model, "gravity_tilt", &robot.model.root, &[("roll".to_string(), 0.1)]).unwrap();
+    let pair = vec![rippled.effects[0].clone(), root];
+    let e = found(&rippled, &Settings { criterion: Criterion::Angle, effects: pair, iterations: 4, draws: 4, ..quick() });
+    let s = e.quality.separation.unwrap();
+    assert!(
+        e.columns.iter().all(|c| !c.contains("sine_4")) && s.angle_deg() > 1.0 && s.left.iter().all(|l| *l > 1e-3),
+        "{s:?} {:?}",
+        e.columns
+    );
     // Dry friction and twice as much of it are one column.
     let twice = vec![effect("friction_coulomb", &[("coulomb", 1.0)]), effect("friction_coulomb", &[("coulomb", 2.0)])];
     let refused = excite(&robot, &Settings { criterion: Criterion::Angle, effects: twice, ..quick() }, &|_| {});

@@ -11,8 +11,7 @@ use anyhow::{anyhow, ensure};
 use clap::ValueEnum;
 use pkm_dyn::model::Model;
 use pkm_dyn::urdf::Description;
-use pkm_ident::Recording;
-use pkm_ident::excitation::{Basis, Criterion, Excitation, Limits, Settings, excite};
+use pkm_ident::excitation::{Basis, Criterion, ExciteError, Limits, Settings, excite, samples};
 use pkm_record::{Attachments, WriteError};
 
 use crate::convert::with_robot;
@@ -22,9 +21,6 @@ use crate::outputs::Outputs;
 use crate::progress::Progress;
 use crate::simulate::hidden;
 use crate::{check, out, robot_file};
-
-/// Samples that a file may have.
-const SAMPLES_MAX: f64 = 2e7;
 
 /// Arguments of `pkm excite`.
 #[derive(Debug, clap::Args)]
@@ -163,7 +159,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let model = &description.robot.model;
     check::must_assemble(model, &file)?;
     let settings = settings(args, model)?;
-    let samples = samples(args)?;
+    let samples = samples(settings.basis, args.period, args.periods, args.rate).map_err(told)?;
     let mut outputs = reserve(args, &description)?;
     let progress = Mutex::new(Progress::new("exciting", args.quiet || args.json));
     let found = excite(&description.robot, &settings, &|share| {
@@ -179,7 +175,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let is_mcap = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
     let attachments = if is_mcap { with_robot(&description) } else { Attachments::default() };
-    pkm_record::write(&args.out, &recording(&found, model, samples, args.rate), &attachments)?;
+    pkm_record::write(&args.out, &found.recording(model, samples, args.rate), &attachments)?;
     outputs.publish()?;
     if args.json {
         out::say(&out::clean(&serde_json::to_string_pretty(&text::json(&found, model, &args.out.display().to_string()))?))?;
@@ -223,24 +219,15 @@ fn settings(args: &Args, model: &Model) -> anyhow::Result<Settings> {
     })
 }
 
-/// Samples of the file, the last one at the end of the last period.
-fn samples(args: &Args) -> anyhow::Result<usize> {
-    let steps = (args.period * args.periods as f64 * args.rate).round();
-    ensure!(args.periods > 0, "--periods 0 (must be at least 1)");
-    ensure!(steps < SAMPLES_MAX, "{steps:.0} samples (limit {SAMPLES_MAX:.0}): lower --rate, --period or --periods");
-    let cycles = match args.basis {
-        BasisName::Fourier => args.harmonics,
-        BasisName::Spline => args.pieces.div_ceil(2),
-    };
-    let least = 10.0 * cycles as f64 / args.period;
-    ensure!(
-        args.rate >= least,
-        "--rate {} Hz (must be at least {least:.3} Hz, ten samples per cycle of the fastest oscillation)",
-        args.rate
-    );
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and SAMPLES_MAX")]
-    let n = steps as usize + 1;
-    Ok(n)
+/// An error of the library with the flag it is about.
+fn told(error: ExciteError) -> anyhow::Error {
+    match error {
+        ExciteError::Rate { rate_hz, least } => {
+            anyhow!("--rate {rate_hz} Hz (must be at least {least:.3} Hz, ten samples per cycle of the fastest oscillation)")
+        }
+        ExciteError::Setting { what: "periods", value, limit } => anyhow!("--periods {value} ({limit})"),
+        e => e.into(),
+    }
 }
 
 /// Tells at once, before a long search, that a file cannot be written.
@@ -255,30 +242,4 @@ fn reserve(args: &Args, description: &Description) -> anyhow::Result<Outputs> {
     let targets: Vec<PathBuf> = core::iter::once(&args.out).chain(&args.html).cloned().collect();
     // The motion's own reservation stays unfilled: its writer makes it appear at once by itself.
     Outputs::reserve(&targets, &[args.robot.as_path(), Path::new(&urdf)])
-}
-
-/// The motion as references of all drives.
-pub(crate) fn recording(found: &Excitation, model: &Model, samples: usize, rate: f64) -> Recording {
-    let mut out = Recording { name: format!("{}, excitation", model.name), ..Recording::default() };
-    let names = model.actuators.iter().map(|&j| &model.joints[j].name);
-    let mut columns: Vec<[Vec<f64>; 3]> = names.clone().map(|_| [Vec::new(), Vec::new(), Vec::new()]).collect();
-    for i in 0..samples {
-        let t = i as f64 / rate;
-        let state = found.motion.at(t);
-        out.time.push(t);
-        for (k, column) in columns.iter_mut().enumerate() {
-            column[0].push(state.q[k]);
-            column[1].push(state.v[k]);
-            column[2].push(state.a[k]);
-        }
-    }
-    for (name, [q, v, a]) in names.zip(columns) {
-        for (prefix, column) in [("q_ref", q), ("dq_ref", v), ("ddq_ref", a)] {
-            out.signals.insert(format!("{prefix}.{name}"), column);
-        }
-    }
-    out.meta.other.insert("excitation_period".to_string(), found.motion.period_s.to_string());
-    out.meta.other.insert("excitation_criterion".to_string(), found.settings.criterion.name().to_string());
-    out.meta.other.insert("excitation_seed".to_string(), found.settings.seed.to_string());
-    out
 }

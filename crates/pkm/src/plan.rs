@@ -219,7 +219,7 @@ fn references(args: &Args, description: &Description) -> anyhow::Result<Vec<Reco
     let found = found.map_err(|e| anyhow!("{}: {e}", args.robot.display()))?;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a positive length times a rate")]
     let samples = (args.period * RATE_HZ).round() as usize + 1;
-    Ok(vec![named(excitation::recording(&found, model, samples, RATE_HZ), criterion.criterion())])
+    Ok(vec![named(found.recording(model, samples, RATE_HZ), criterion.criterion())])
 }
 
 fn named(mut recording: Recording, criterion: Criterion) -> Recording {

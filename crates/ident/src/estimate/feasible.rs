@@ -72,6 +72,91 @@ pub struct Feasible {
     pub moved: Vec<f64>,
     /// Smallest eigenvalue of every link's `S`.
     pub smallest: Vec<f64>,
+    /// How the answer may move.
+    pub tangent: Tangent,
+}
+
+/// The surroundings of an answer: the directions that its active bounds leave free, and how firmly the prior holds them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tangent {
+    /// Change of all parameters per unit of each direction; parameters × directions.
+    pub map: Mat<f64>,
+    /// Second derivative of the prior, all rows together, in units of the noise; directions × directions.
+    pub precision: Mat<f64>,
+    /// Columns of the parameters that are at their bounds.
+    pub at_bound: Vec<usize>,
+}
+
+/// A parameter closer to its bound than this share of what would move the drives by their whole effort is at it: the solver keeps to
+/// 1e-8.
+const AT_BOUND: f64 = 1e-6;
+
+/// The same for the floor under the eigenvalues of a link.
+const AT_FLOOR: f64 = 1e-5;
+
+impl Space {
+    /// Surroundings of the coordinates `x` with a prior of `weight` per row.
+    fn tangent(&self, x: &[f64], rows: usize, prior: Prior, weight: f64) -> Tangent {
+        let n = self.n();
+        let mut precision = Mat::<f64>::zeros(n, n);
+        (0..n).for_each(|j| precision[(j, j)] = 1.0);
+        let mut active: Vec<Vec<f64>> = Vec::new();
+        for l in 0..self.n_links {
+            let eigen = Self::matrix(x, l).symmetric_eigen();
+            let unit = |c: usize, length: f64, (i, j): (usize, usize)| {
+                debug_assert!(c < HALF_4, "a coordinate of one link");
+                let mut e = Matrix4::zeros();
+                (e[(i, j)], e[(j, i)]) = (1.0 / length, 1.0 / length);
+                e
+            };
+            let units: Vec<Matrix4<f64>> = half(4).enumerate().map(|(c, (i, j, length))| unit(c, length, (i, j))).collect();
+            match prior {
+                Prior::Entropic => {
+                    // −ln det S bends by tr(S⁻¹·dS·S⁻¹·dS).
+                    let inverse =
+                        eigen.eigenvectors * Matrix4::from_diagonal(&eigen.eigenvalues.map(|s| 1.0 / s)) * eigen.eigenvectors.transpose();
+                    for (i, a) in units.iter().enumerate() {
+                        for (j, b) in units.iter().enumerate() {
+                            precision[(l * HALF_4 + i, l * HALF_4 + j)] = (inverse * a * inverse * b).trace();
+                        }
+                    }
+                }
+                Prior::Pullback => {
+                    let floor: Vec<usize> = (0..4).filter(|&k| eigen.eigenvalues[k] < FLOOR + AT_FLOOR).collect();
+                    for (at, &k) in floor.iter().enumerate() {
+                        for &m in &floor[at..] {
+                            let (u, v) = (eigen.eigenvectors.column(k).into_owned(), eigen.eigenvectors.column(m).into_owned());
+                            let mut row = vec![0.0; n];
+                            units.iter().enumerate().for_each(|(c, e)| row[l * HALF_4 + c] = u.dot(&(e * v)));
+                            active.push(row);
+                        }
+                    }
+                }
+            }
+        }
+        let mut at_bound = Vec::new();
+        for (s, &(j, _)) in self.scalars.iter().enumerate() {
+            let c = self.n_links * HALF_4 + s;
+            if x[c] - self.lower[s] < AT_BOUND {
+                let mut row = vec![0.0; n];
+                row[c] = 1.0;
+                active.push(row);
+                at_bound.push(j);
+            }
+        }
+        let free = beside(n, &active);
+        let scale = rows as f64 * weight;
+        Tangent { map: &self.map * &free, precision: free.transpose() * precision * &free * faer::Scale(scale), at_bound }
+    }
+}
+
+/// Orthonormal directions of `n` coordinates at right angles to all of `rows`, as columns.
+fn beside(n: usize, rows: &[Vec<f64>]) -> Mat<f64> {
+    if rows.is_empty() {
+        return Mat::identity(n, n);
+    }
+    let qr = Mat::from_fn(n, rows.len(), |i, j| rows[j][i]).qr();
+    qr.compute_Q().subcols(rows.len(), n - rows.len()).to_owned()
 }
 
 /// Coordinates in which the nominal robot is simple: `theta = map · x + centre`.
@@ -224,6 +309,7 @@ pub fn feasible(triangle: &Mat<f64>, rows: usize, space: &Space, prior: Prior, w
     let program = Program::new(triangle, rows, space, prior, weight);
     let (x, outcome, iterations) = program.solve();
     let x = if outcome == Outcome::Failed { space.nominal() } else { x[..space.n()].to_vec() };
+    let tangent = space.tangent(&x, rows, prior, weight);
     let links: Vec<Matrix4<f64>> = (0..space.n_links).map(|l| Space::matrix(&x, l)).collect();
     let mut theta = space.theta(&x);
     // The solver keeps bounds to its tolerance only.
@@ -237,6 +323,7 @@ pub fn feasible(triangle: &Mat<f64>, rows: usize, space: &Space, prior: Prior, w
         weight,
         moved: links.iter().map(|s| 0.5 * (s - Matrix4::identity()).norm_squared()).collect(),
         smallest: links.iter().map(|s| s.symmetric_eigenvalues().min()).collect(),
+        tangent,
     }
 }
 
@@ -491,6 +578,35 @@ mod tests {
                 let point = InertialParameters::from_pseudo_inertia(&(v * v.transpose())).to_vector();
                 assert!(missing.dot(&point) < tolerance * point.norm(), "{prior:?}: {v}");
             }
+        }
+    }
+
+    #[test]
+    fn the_tangent_has_the_curvature_of_the_prior_and_no_direction_through_a_bound() {
+        let columns = Columns::new(&robot());
+        let free: Vec<usize> = (0..columns.len()).collect();
+        let space = Space::new(&columns, &free, &vec![0.0; columns.len()], &vec![1.0; columns.len()]).unwrap();
+        // Some other body, and viscous friction at zero.
+        let mut x = space.nominal();
+        for (c, x) in x.iter_mut().take(HALF_4).enumerate() {
+            *x += 0.1 * pkm_dyn::math::sin(1.0 + c as f64);
+        }
+        let viscous = columns.index("j.viscous").unwrap();
+        let place = HALF_4 + space.scalars.iter().position(|s| s.0 == viscous).unwrap();
+        x[place] = space.lower[place - HALF_4];
+        let tangent = space.tangent(&x, 7, Prior::Entropic, 0.5);
+        assert_eq!(tangent.at_bound, [viscous]);
+        assert!((0..tangent.map.ncols()).all(|c| tangent.map[(viscous, c)].abs() < 1e-12) && tangent.map.ncols() == space.n() - 1);
+        let value = |x: &[f64]| {
+            let s = Space::matrix(x, 0);
+            s.trace() - pkm_dyn::math::ln(s.determinant()) - 4.0 + x[HALF_4..].iter().map(|x| 0.5 * x * x).sum::<f64>()
+        };
+        // Second differences along every free direction, of the prior of seven rows of weight a half.
+        let directions = beside(space.n(), &[(0..space.n()).map(|c| f64::from(u8::from(c == place))).collect()]);
+        for c in 0..directions.ncols() {
+            let at = |t: f64| value(&x.iter().enumerate().map(|(i, x)| x + t * directions[(i, c)]).collect::<Vec<_>>());
+            let bend = 3.5 * (at(1e-3) - 2.0 * at(0.0) + at(-1e-3)) / 1e-6;
+            assert!((tangent.precision[(c, c)] / bend - 1.0).abs() < 1e-4, "{c}: {} {bend}", tangent.precision[(c, c)]);
         }
     }
 

@@ -36,7 +36,7 @@ pub fn ridge(triangle: &Mat<f64>, kept: &[usize], prior: &[f64], weight: f64) ->
 ///
 /// `None` when the smallest singular vector has no part along the target: then no such combination exists.
 #[must_use]
-pub fn total(triangle: &Mat<f64>, kept: &[usize]) -> Option<Vec<f64>> {
+pub fn total(triangle: &Mat<f64>, kept: &[usize]) -> Option<Total> {
     let (a, b, lengths) = scaled(triangle, kept);
     let n = kept.len();
     let scale = b.norm_l2().max(f64::MIN_POSITIVE);
@@ -47,7 +47,26 @@ pub fn total(triangle: &Mat<f64>, kept: &[usize]) -> Option<Vec<f64>> {
     if last.abs() < 1e-12 {
         return None;
     }
-    Some((0..n).map(|j| -v[(j, n)] / last * scale / lengths[j]).collect())
+    let smallest = svd.S().column_vector().iter().copied().last().unwrap_or(0.0);
+    Some(Total {
+        values: (0..n).map(|j| -v[(j, n)] / last * scale / lengths[j]).collect(),
+        noise: lengths.iter().map(|l| smallest * smallest * l * l).collect(),
+    })
+}
+
+/// The solution of [`total`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Total {
+    /// One value per kept column.
+    pub values: Vec<f64>,
+    /// Square of every column that is noise: the solution satisfies `(WᵀW − diag noise)·x = Wᵀz` \[Golub1980\].
+    pub noise: Vec<f64>,
+}
+
+/// Precision that [`ridge`] draws every kept column with.
+#[must_use]
+pub fn ridge_precision(triangle: &Mat<f64>, kept: &[usize], weight: f64) -> Vec<f64> {
+    kept.iter().map(|&j| weight.max(0.0) * triangle.col(j).squared_norm_l2()).collect()
 }
 
 /// Inverse of `WᵀW` over the kept columns: the covariance of least squares per unit of noise variance. `None` when it is singular.
@@ -77,12 +96,23 @@ mod tests {
     #[test]
     fn exact_rows_give_the_exact_answer_by_every_road() {
         let t = triangle(0.0);
-        for x in [ordinary(&t, &[0, 2]), ridge(&t, &[0, 2], &[0.0, 0.0], 0.0), total(&t, &[0, 2]).unwrap()] {
+        for x in [ordinary(&t, &[0, 2]), ridge(&t, &[0, 2], &[0.0, 0.0], 0.0), total(&t, &[0, 2]).unwrap().values] {
             assert!((x[0] - 2.0).abs() < 1e-10 && (x[1] + 3.0).abs() < 1e-10, "{x:?}");
         }
         // Column 0 eliminated: 2·x − 3·y = 2·(x + y) − 5·y.
         let x = ordinary(&t, &[1, 2]);
         assert!((x[0] - 2.0).abs() < 1e-9 && (x[1] + 5.0).abs() < 1e-9, "{x:?}");
+    }
+
+    #[test]
+    fn total_least_squares_solves_its_normal_equations() {
+        let t = triangle(1.0);
+        let found = total(&t, &[0, 2]).unwrap();
+        for (i, &row) in [0, 2].iter().enumerate() {
+            let product = |j: usize| (0..t.nrows()).map(|k| t[(k, row)] * t[(k, j)]).sum::<f64>();
+            let left = product(0) * found.values[0] + product(2) * found.values[1] - found.noise[i] * found.values[i];
+            assert!((left - product(3)).abs() < 1e-9 * product(3).abs() && found.noise[i] > 0.0, "{left} {}", product(3));
+        }
     }
 
     #[test]

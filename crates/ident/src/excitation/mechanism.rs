@@ -1,12 +1,13 @@
 //! The robot at one state of its drives: the columns that the state shows, and the values that bounds are about.
 
-use pkm_dyn::effects::{Applied, JointState, Law, Robot};
+use pkm_dyn::effects::Robot;
 use pkm_dyn::inverse_dynamics::closed_loop_motion;
 use pkm_dyn::loops::walk_to;
 use pkm_dyn::svd::Svd;
 use pkm_dyn::{Data, math};
 
 use super::basis::{DriveState, dot};
+use super::effects::{Effect, Seen};
 use super::limits::{Bounded, Bounds};
 use crate::columns::{Columns, Quantity};
 
@@ -31,7 +32,7 @@ pub(super) struct Mechanism<'r> {
     /// Columns that count.
     kept: &'r [usize],
     /// Effects whose columns come after them.
-    effects: &'r [Applied],
+    effects: &'r [Effect],
     theta: Vec<f64>,
     /// Inertial and rotor columns come first.
     n_rigid: usize,
@@ -46,6 +47,8 @@ pub(super) struct Mechanism<'r> {
     /// All columns of each drive.
     full: Vec<Vec<f64>>,
     effort: Vec<f64>,
+    /// Effort of one effect at each drive.
+    alone: Vec<f64>,
     /// Columns that count and effects, drive by drive.
     pub(super) rows: Vec<f64>,
     /// Value of each bound of the robot.
@@ -57,7 +60,7 @@ impl<'r> Mechanism<'r> {
     pub(super) fn new(
         robot: &'r Robot,
         columns: &'r Columns,
-        (kept, effects): (&'r [usize], &'r [Applied]),
+        (kept, effects): (&'r [usize], &'r [Effect]),
         bounds: &Bounds,
         speed: &[f64],
     ) -> Self {
@@ -87,6 +90,7 @@ impl<'r> Mechanism<'r> {
             is_distance_wanted: true,
             full: vec![vec![0.0; columns.len()]; model.n_act()],
             effort: vec![0.0; model.n_act()],
+            alone: vec![0.0; model.n_act()],
             rows: vec![0.0; model.n_act() * (kept.len() + effects.len())],
             values: vec![0.0; bounds.robot.len()],
         }
@@ -148,16 +152,12 @@ impl<'r> Mechanism<'r> {
                 self.rows[k * n + i] = row[c];
             }
         }
-        for (i, e) in self.effects.iter().enumerate() {
-            let Law::JointEffort(law) = e.entry.law else { continue };
-            let j = e.place;
-            let load = model.actuators.iter().position(|&a| a == j).map_or(0.0, |k| load[k]);
-            let (viscous, coulomb) = (model.joints[j].viscous, model.joints[j].coulomb);
-            let mut state = JointState { load, viscous, coulomb, ..JointState::default() };
-            (state.q, state.v, state.a, state.sign) = (self.data.q[j], self.data.v[j], self.data.a[j], signs[j]);
-            let effort = law(&e.values, &state);
-            for k in 0..self.full.len() {
-                self.rows[k * n + self.kept.len() + i] = self.data.reduction[(j, k)] * effort;
+        let Self { robot, columns, full, theta, effort, effects, kept, data, alone, rows, .. } = self;
+        let seen = Seen { robot, columns, full, theta, load: &load, effort, signs };
+        for (i, e) in effects.iter().enumerate() {
+            e.fill(&seen, data, alone);
+            for (k, x) in alone.iter().enumerate() {
+                rows[k * n + kept.len() + i] = *x;
             }
         }
     }

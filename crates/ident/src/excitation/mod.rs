@@ -16,6 +16,7 @@ mod basis;
 mod criterion;
 mod descent;
 mod draw;
+mod effects;
 mod limits;
 mod mechanism;
 mod problem;
@@ -28,20 +29,21 @@ pub use limits::{Bounded, Limits};
 pub use verify::{Margin, Quality, conditions};
 
 use faer::Mat;
-use pkm_dyn::effects::{Applied, Law, Robot};
-use pkm_dyn::math;
+use pkm_dyn::effects::{Applied, Robot};
+use pkm_dyn::{Model, math};
 
+use crate::Recording;
 use crate::answer::Term;
 use crate::base::{BaseError, RANK_TOLERANCE};
 use crate::columns::{Columns, Quantity};
 use crate::factor::Factor;
 use crate::grouping::{BaseSet, Choice, structural_factor, well_conditioned};
 use draw::Draw;
+use effects::{Effect, is_of};
 use limits::{Bound, Bounds};
 use mechanism::{Direction, Mechanism};
 use problem::Problem;
 use search::{DENSER, INSIDE, Run, Search};
-use verify::Verified;
 
 /// Random states behind the number of base parameters.
 const STATES: usize = 300;
@@ -149,6 +151,22 @@ pub enum ExciteError {
         /// What is wrong.
         problem: &'static str,
     },
+    /// A file that would not show the motion.
+    #[error("rate = {rate_hz} Hz (must be at least {least:.3} Hz, ten samples per cycle of the fastest oscillation)")]
+    Rate {
+        /// As given `[Hz]`.
+        rate_hz: f64,
+        /// Least rate `[Hz]`.
+        least: f64,
+    },
+    /// A file that would be too long.
+    #[error("{samples:.0} samples (limit {limit:.0}): lower the rate, the period or the number of periods")]
+    Samples {
+        /// As asked for.
+        samples: f64,
+        /// Limit.
+        limit: f64,
+    },
     /// Base parameters cannot be counted.
     #[error(transparent)]
     Base(#[from] BaseError),
@@ -159,8 +177,8 @@ pub enum ExciteError {
 pub struct Baseline {
     /// Motions drawn.
     pub motions: usize,
-    /// The best of them.
-    pub best: Quality,
+    /// The best of them, verified like the answer; none where it leaves the limits between the samples that it was drawn on.
+    pub best: Option<Quality>,
     /// The middle one's criterion, as in [`Excitation::traces`].
     pub median: f64,
 }
@@ -220,19 +238,43 @@ impl Excitation {
         &self.among
     }
 
-    /// By how much the best random motion is worse: the ratio of condition numbers, of volumes per parameter, of sines, or of efforts.
+    /// By how much the best random motion is worse: the ratio of condition numbers, of volumes per parameter, of sines, or of efforts. It
+    /// is at least 1, for a random motion that no descent makes better is the answer itself; none without a verified random motion.
     #[must_use]
-    pub fn gain(&self) -> f64 {
-        let (found, random) = (&self.quality, &self.random.best);
+    pub fn gain(&self) -> Option<f64> {
+        let (found, random) = (&self.quality, self.random.best.as_ref()?);
         let n = self.columns.len().max(1) as f64;
         let alone = |q: &Quality| q.separation.map_or(f64::NAN, |s| math::sqrt(s.alone[0] * s.alone[1]));
         let sine = |q: &Quality| q.separation.map_or(f64::NAN, |s| math::sqrt(1.0 - s.cosine * s.cosine));
-        match self.settings.criterion {
+        Some(match self.settings.criterion {
             Criterion::Condition => random.condition / found.condition,
             Criterion::Determinant => math::exp(0.5 * (found.log_determinant - random.log_determinant) / n),
             Criterion::Angle => sine(found) / sine(random),
             Criterion::Power => alone(found) / alone(random),
+        })
+    }
+
+    /// The motion as a file has it: references of position, velocity and acceleration of every drive of `model` (the robot that it was
+    /// found for), `samples` of them at `rate_hz` `[Hz]`; see [`samples`].
+    #[must_use]
+    pub fn recording(&self, model: &Model, samples: usize, rate_hz: f64) -> Recording {
+        let mut out = Recording { name: format!("{}, excitation", self.robot), ..Recording::default() };
+        let states: Vec<DriveState> = (0..samples).map(|i| self.motion.at(i as f64 / rate_hz)).collect();
+        out.time = (0..samples).map(|i| i as f64 / rate_hz).collect();
+        for (k, &j) in model.actuators.iter().enumerate() {
+            let name = &model.joints[j].name;
+            out.signals.insert(format!("q_ref.{name}"), states.iter().map(|s| s.q[k]).collect());
+            out.signals.insert(format!("dq_ref.{name}"), states.iter().map(|s| s.v[k]).collect());
+            out.signals.insert(format!("ddq_ref.{name}"), states.iter().map(|s| s.a[k]).collect());
         }
+        for (key, value) in [
+            ("excitation_period", self.motion.period_s.to_string()),
+            ("excitation_criterion", self.settings.criterion.name().to_string()),
+            ("excitation_seed", self.settings.seed.to_string()),
+        ] {
+            out.meta.other.insert(key.to_string(), value);
+        }
+        out
     }
 }
 
@@ -248,7 +290,8 @@ pub fn excite(robot: &Robot, settings: &Settings, progress: &(dyn Fn(f64) + Sync
         return Err(ExciteError::Redundant { robot: model.name.clone(), drives: model.n_act(), freedoms });
     }
     let columns = Columns::new(robot);
-    let among = among(robot, &columns, settings)?;
+    let among = among(robot, &columns, settings);
+    let effects = settings.effects.iter().map(|e| Effect::try_new(robot, &columns, e)).collect::<Result<Vec<_>, _>>()?;
     let bounds = Bounds::try_new(model, &settings.limits)?;
     let mut draw = Draw::new(settings.seed, 0);
     let structure = structural_factor(robot, &columns, STATES, &mut || draw.unit())?.triangle();
@@ -257,7 +300,7 @@ pub fn excite(robot: &Robot, settings: &Settings, progress: &(dyn Fn(f64) + Sync
     let kept = settings.columns.clone().unwrap_or_else(|| set.kept.clone());
     let inside = bounds.narrowed(INSIDE);
     let problem = Problem::new(settings.criterion, settings.basis, settings.period_s, inside);
-    let mechanism = Mechanism::new(robot, &columns, (&kept, &settings.effects), &bounds, &problem.speed());
+    let mechanism = Mechanism::new(robot, &columns, (&kept, &effects), &bounds, &problem.speed());
     let name = |b: &Bound| b.name(model, &bounds.cones);
     let search = Search { problem: &problem, bounds: &bounds, mechanism: &mechanism, settings, name: &name };
     let results = search.all(progress);
@@ -280,7 +323,7 @@ pub fn excite(robot: &Robot, settings: &Settings, progress: &(dyn Fn(f64) + Sync
     Ok(Excitation {
         robot: model.name.clone(),
         quality: best.verified.quality.clone(),
-        random: baseline(&search, &runs)?,
+        random: baseline(settings.criterion, &runs),
         margins: best.verified.margins.clone(),
         traces: runs.iter().map(trace).collect(),
         failed,
@@ -307,27 +350,39 @@ fn worth(criterion: Criterion, q: &Quality) -> f64 {
 }
 
 /// The best motion that was drawn, verified like any other, and the middle one.
-fn baseline(search: &Search<'_, '_>, runs: &[&Run]) -> Result<Baseline, ExciteError> {
+fn baseline(criterion: Criterion, runs: &[&Run]) -> Baseline {
     let mut all: Vec<f64> = runs.iter().flat_map(|r| r.drawn.iter().copied()).collect();
     all.sort_by(f64::total_cmp);
-    let mut mechanism = search.mechanism.clone();
-    let of = |r: &&&Run| r.drawn.iter().copied().fold(f64::INFINITY, f64::min);
-    let mut best: Option<Verified> = None;
-    let mut sorted: Vec<&&Run> = runs.iter().collect();
-    sorted.sort_by(|a, b| of(a).total_cmp(&of(b)));
-    for run in sorted {
-        let Ok((_, verified)) = search.verified(&mut mechanism, &run.best_drawn) else { continue };
-        let is_better = |b: &Verified| worth(search.settings.criterion, &verified.quality) < worth(search.settings.criterion, &b.quality);
-        if best.as_ref().is_none_or(is_better) {
-            best = Some(verified);
-        }
+    let verified = runs.iter().filter_map(|r| r.random.as_ref()).map(|v| &v.quality);
+    let best = verified.min_by(|a, b| worth(criterion, a).total_cmp(&worth(criterion, b))).cloned();
+    Baseline { motions: all.len(), best, median: all[all.len() / 2] }
+}
+
+/// Samples that a file may have.
+const SAMPLES_MAX: f64 = 2e7;
+
+/// Samples per cycle of the fastest oscillation that a file must have.
+const PER_CYCLE: f64 = 10.0;
+
+/// Number of samples of `periods` periods of a motion at `rate_hz` `[Hz]`, the last one at the end of the last period `[s]`.
+///
+/// # Errors
+/// No period, a rate that does not show the fastest oscillation, more samples than a file may have.
+pub fn samples(basis: Basis, period_s: f64, periods: usize, rate_hz: f64) -> Result<usize, ExciteError> {
+    if periods == 0 {
+        return Err(ExciteError::Setting { what: "periods", value: 0.0, limit: "must be at least 1" });
     }
-    let robot = || search.mechanism.robot.model.name.clone();
-    let best = best.ok_or_else(|| ExciteError::NoMotion {
-        robot: robot(),
-        reason: "every random motion to compare with leaves the limits".to_string(),
-    })?;
-    Ok(Baseline { motions: all.len(), best: best.quality, median: all[all.len() / 2] })
+    let least = PER_CYCLE * basis.cycles() as f64 / period_s;
+    if rate_hz < least || !rate_hz.is_finite() {
+        return Err(ExciteError::Rate { rate_hz, least });
+    }
+    let steps = (period_s * periods as f64 * rate_hz).round();
+    if steps.is_nan() || steps >= SAMPLES_MAX {
+        return Err(ExciteError::Samples { samples: steps, limit: SAMPLES_MAX });
+    }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and SAMPLES_MAX")]
+    let n = steps as usize + 1;
+    Ok(n)
 }
 
 /// All columns along one period.
@@ -347,13 +402,7 @@ fn all_columns(search: &Search<'_, '_>, robot: &Robot, columns: &Columns, motion
 }
 
 /// Columns that may be identified: those not held and not those of the effects in question.
-fn among(robot: &Robot, columns: &Columns, settings: &Settings) -> Result<Vec<usize>, ExciteError> {
-    let effect = |e: &Applied, problem| ExciteError::Effect { effect: e.entry.name.to_string(), problem };
-    for e in &settings.effects {
-        if !matches!(e.entry.law, Law::JointEffort(_)) {
-            return Err(effect(e, "is no effort at a joint, so it has no column of its own here"));
-        }
-    }
+fn among(robot: &Robot, columns: &Columns, settings: &Settings) -> Vec<usize> {
     let is_driven = |joint: usize| robot.model.actuators.contains(&joint);
     let is_held = |quantity: Quantity| match quantity {
         Quantity::Inertial { .. } => false,
@@ -364,23 +413,8 @@ fn among(robot: &Robot, columns: &Columns, settings: &Settings) -> Result<Vec<us
         Quantity::Offset { .. } => settings.held.contains(&Term::Offset),
         Quantity::Stiffness { .. } | Quantity::Wave { .. } => settings.held.contains(&Term::Stiffness),
     };
-    let is_effect = |quantity: Quantity| settings.effects.iter().any(|e| is_of(quantity, e));
-    let out: Vec<usize> =
-        (0..columns.len()).filter(|&c| !is_held(columns.list[c].quantity) && !is_effect(columns.list[c].quantity)).collect();
-    Ok(out)
-}
-
-/// Whether a column is that of an effect.
-fn is_of(quantity: Quantity, e: &Applied) -> bool {
-    match (e.entry.name, quantity) {
-        ("friction_coulomb", Quantity::Coulomb { joint })
-        | ("friction_viscous", Quantity::Viscous { joint })
-        | ("friction_passive", Quantity::Coulomb { joint } | Quantity::Viscous { joint })
-        | ("torque_offset", Quantity::Offset { joint })
-        | ("rotor_inertia", Quantity::Rotor { joint })
-        | ("spring", Quantity::Stiffness { joint }) => joint == e.place,
-        _ => false,
-    }
+    let is_effect = |c: usize| settings.effects.iter().any(|e| is_of(columns, c, e));
+    (0..columns.len()).filter(|&c| !is_held(columns.list[c].quantity) && !is_effect(c)).collect()
 }
 
 fn check(s: &Settings) -> Result<(), ExciteError> {

@@ -10,7 +10,7 @@ use super::limits::{Bound, Bounds};
 use super::mechanism::Mechanism;
 use super::problem::{Problem, Refused, Stage};
 use super::verify::{Verified, verify};
-use super::{ExciteError, Settings};
+use super::{ExciteError, Settings, worth};
 use crate::excitation::descent::descend;
 
 /// The search keeps this share of the ranges: between its samples a motion goes a little further.
@@ -41,6 +41,9 @@ const TRIMS: usize = 20;
 /// Verification has so many times the samples of the search.
 pub(super) const DENSER: usize = 10;
 
+/// Scaled coefficients that keep every limit, and what they are worth; or why there are none.
+type Found = Result<(Vec<f64>, Verified), Refused>;
+
 /// One restart.
 #[derive(Debug, Clone)]
 pub(super) struct Run {
@@ -48,8 +51,8 @@ pub(super) struct Run {
     pub(super) x: Vec<f64>,
     /// Criterion of every drawn motion.
     pub(super) drawn: Vec<f64>,
-    /// Scaled coefficients of the best drawn motion.
-    pub(super) best_drawn: Vec<f64>,
+    /// The best drawn motion, verified like any other; none where it leaves the limits between its samples.
+    pub(super) random: Option<Verified>,
     /// Criterion after every step of the improvement.
     pub(super) trace: Vec<f64>,
     pub(super) verified: Verified,
@@ -99,15 +102,30 @@ impl Search<'_, '_> {
         let Some((_, best_drawn)) = best else { return Err(reason) };
         let mut x = self.problem.shrunk(&best_drawn, START);
         let trace = self.improve(&mut mechanism, &mut x, tick);
-        let (x, verified) = self.verified(&mut mechanism, &x)?;
-        Ok(Run { x, drawn, best_drawn, trace, verified })
+        let improved = self.verified(&mut mechanism, &x);
+        let random = self.verified(&mut mechanism, &best_drawn);
+        let (x, verified) = self.better(improved, random.clone())?;
+        Ok(Run { x, drawn, random: random.ok().map(|(_, verified)| verified), trace, verified })
+    }
+
+    /// The better of an improved motion and the drawn one it comes from: a descent that pays for the barrier, or is cut short, may end
+    /// above its start.
+    fn better(&self, improved: Found, drawn: Found) -> Found {
+        let worth = |v: &Verified| worth(self.settings.criterion, &v.quality);
+        match (improved, drawn) {
+            (Ok(improved), Ok(drawn)) if worth(&drawn.1) < worth(&improved.1) => Ok(drawn),
+            (Err(_), Ok(drawn)) => Ok(drawn),
+            (improved, _) => improved,
+        }
     }
 
     /// Goes down from `x` stage by stage; the criterion after every step.
     fn improve(&self, mechanism: &mut Mechanism<'_>, x: &mut Vec<f64>, tick: &dyn Fn(usize)) -> Vec<f64> {
         let (last, mut trace) = (Cell::new(f64::NAN), Vec::new());
-        let per_stage = self.settings.iterations.div_ceil(STAGES.len());
-        for stage in STAGES {
+        // As many steps as were asked for, to the last one; where there are fewer than stages the sharp ones have them.
+        let until = |stage: usize| stage * self.settings.iterations / STAGES.len();
+        for (k, stage) in STAGES.into_iter().enumerate() {
+            let per_stage = until(k + 1) - until(k);
             let mut look = |x: &[f64], slope: Option<&mut Vec<f64>>| {
                 let worth = self.problem.look(mechanism, x, stage, slope).ok()?;
                 last.set(worth.value);
@@ -144,7 +162,7 @@ impl Search<'_, '_> {
     }
 
     /// The motion, or one somewhat smaller, as it is on a dense grid.
-    pub(super) fn verified(&self, mechanism: &mut Mechanism<'_>, x: &[f64]) -> Result<(Vec<f64>, Verified), Refused> {
+    pub(super) fn verified(&self, mechanism: &mut Mechanism<'_>, x: &[f64]) -> Found {
         let mut x = x.to_vec();
         let n = DENSER * self.problem.n_samples();
         let mut reason = Refused::Open;

@@ -155,13 +155,14 @@ fn replace_outliers(recording: &mut Recording, limit: f64) -> Vec<Done> {
     done
 }
 
-/// Shifts all efforts so that they belong to the stamps of the positions.
+/// Shifts all efforts so that they belong to the stamps of the positions. What was unknown is unknown where it has gone to, and so is what
+/// would come from beyond an end of the recording.
 #[must_use]
 pub fn shifted(recording: &Recording, late_s: f64) -> Recording {
     let mut out = recording.clone();
     let Some(grid) = Grid::over(&out.time) else { return out };
     for (_, signal) in out.signals.iter_mut().filter(|(name, _)| name.starts_with("tau.")) {
-        let unknown: Vec<bool> = signal.iter().map(|x| x.is_nan()).collect();
+        let unknown: Vec<bool> = recording.time.iter().map(|t| is_unknown(&recording.time, signal, t + late_s, grid.dt)).collect();
         let on_grid = grid.resample(&recording.time, signal);
         let moved = crate::filter::advanced(&on_grid, late_s, grid.dt);
         *signal = recording
@@ -172,6 +173,18 @@ pub fn shifted(recording: &Recording, late_s: f64) -> Recording {
             .collect();
     }
     out
+}
+
+/// Whether a signal is not known at time `t` `[s]`: before or after all samples, or beside one that is missing.
+fn is_unknown(time: &[f64], signal: &[f64], t: f64, dt: f64) -> bool {
+    // Stamps are no better than this.
+    let close = 1e-6 * dt;
+    let next = time.partition_point(|s| *s < t - close);
+    match time.get(next) {
+        None => true,
+        Some(s) if (s - t).abs() <= close => signal[next].is_nan(),
+        Some(_) => next == 0 || signal[next].is_nan() || signal[next - 1].is_nan(),
+    }
 }
 
 /// Linear interpolation at a place counted in samples, held at the ends.
@@ -232,5 +245,24 @@ mod tests {
         let back = shifted(&late, 0.023);
         let pairs = back.signal("tau.j").unwrap().iter().zip(r.signal("tau.j").unwrap());
         assert!(pairs.skip(5).take(985).all(|(a, b)| (a - b).abs() < 1e-4));
+    }
+
+    #[test]
+    fn what_is_missing_moves_with_the_clock() {
+        // Samples 400 to 419 are missing as stamped, 2.3 samples late: those of 397.7 to 416.7 are, and what lies between two samples of
+        // which one is missing is not known either.
+        let mut r = recording(1000, &|t| math::sin(3.0 * t));
+        r.signals.get_mut("tau.j").unwrap()[400..420].fill(f64::NAN);
+        let back = shifted(&r, 0.023);
+        let unknown: Vec<usize> = (0..1000).filter(|&i| back.signal("tau.j").unwrap()[i].is_nan()).collect();
+        // Sample i is what was stamped i + 2.3; the last such stamp is 999.
+        let want: Vec<usize> = (397..=417).chain(997..1000).collect();
+        assert_eq!(unknown, want);
+        // A whole number of samples moves whole samples, forwards as well.
+        let later = shifted(&r, -0.03);
+        let unknown: Vec<usize> = (0..1000).filter(|&i| later.signal("tau.j").unwrap()[i].is_nan()).collect();
+        assert_eq!(unknown, (0..3).chain(403..423).collect::<Vec<_>>());
+        let same = shifted(&r, 0.0);
+        assert!((0..1000).all(|i| same.signal("tau.j").unwrap()[i].is_nan() == (400..420).contains(&i)));
     }
 }

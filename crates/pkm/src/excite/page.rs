@@ -5,7 +5,7 @@ use pkm_dyn::model::Model;
 use pkm_ident::excitation::{Bounded, Criterion, DriveState, Excitation};
 use pkm_report::{Curve, Figure, Ink, Scale, Sheet, Table, Tone, sheet};
 
-use super::text::{outcome, row, tightest};
+use super::text::{gained, outcome, row, tightest};
 use crate::out::number;
 
 /// Points of a drawn curve.
@@ -39,10 +39,8 @@ pub(super) fn html(found: &Excitation, model: &Model) -> String {
         title: found.robot.clone(),
         outcome: (outcome(found), Tone::Good),
         answer: format!(
-            "{} times better than the best of {} random motions with the same limits. {} of {} columns that act independently stay below \
-             the condition number {} together.",
-            number(found.gain()),
-            found.random.motions,
+            "{}. {} of {} columns that act independently stay below the condition number {} together.",
+            gained(found),
             found.well_conditioned,
             found.structural,
             number(pkm_ident::excitation::CONDITION_LIMIT)
@@ -85,7 +83,8 @@ fn search(found: &Excitation) -> Figure {
 fn tables(found: &Excitation) -> Vec<Table> {
     let head = |cells: &[&str]| cells.iter().map(|c| (*c).to_string()).collect::<Vec<_>>();
     let numbers = |name: &str, of: &dyn Fn(&pkm_ident::excitation::Quality) -> f64| {
-        vec![name.to_string(), number(of(&found.quality)), number(of(&found.random.best))]
+        let random = found.random.best.as_ref().map_or_else(|| "not known".to_string(), |q| number(of(q)));
+        vec![name.to_string(), number(of(&found.quality)), random]
     };
     let mut rows = vec![
         numbers("condition number, columns at length one", &|q| q.condition),

@@ -25,14 +25,9 @@ pub(super) fn outcome(found: &Excitation) -> String {
 
 /// The answer in words: the criterion and what drawing at random gives, ranks, the tightest limits.
 pub(super) fn text(found: &Excitation) -> String {
-    let (q, random, n) = (&found.quality, &found.random, found.columns.len());
+    let (q, n) = (&found.quality, found.columns.len());
     let mut out = vec![format!("{}: {}, {} columns", found.robot, outcome(found), n)];
-    out.push(format!(
-        "  best of {} random motions with the same limits: {}; the motion is {} times better",
-        random.motions,
-        number(of(found.settings.criterion, &random.best)),
-        number(found.gain())
-    ));
+    out.push(format!("  {}", gained(found)));
     out.push(format!(
         "  condition number {} (in SI units {}), log-determinant {}",
         number(q.condition),
@@ -63,6 +58,19 @@ pub(super) fn text(found: &Excitation) -> String {
     rows.extend(tightest(found).iter().take(MARGINS).map(|m| row(m)));
     out.push(table(&rows));
     out.join("\n")
+}
+
+/// What the search gained over drawing at random.
+pub(super) fn gained(found: &Excitation) -> String {
+    let n = found.random.motions;
+    match (&found.random.best, found.gain()) {
+        (Some(best), Some(gain)) => format!(
+            "best of {n} random motions with the same limits: {}; the motion is {} times better",
+            number(of(found.settings.criterion, best)),
+            number(gain)
+        ),
+        _ => format!("best of {n} random motions with the same limits: none keeps them between its samples, so the gain is not known"),
+    }
 }
 
 /// The criterion of a quality as people read it.

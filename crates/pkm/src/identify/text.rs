@@ -55,6 +55,7 @@ pub(super) fn text(answer: &Identification, beside: &Beside) -> String {
             vec![number(p.nominal), number(p.value), interval, percent(p.relative_sd.min(99.0)), p.unit.to_string(), p.name.clone()]
         }));
         out.push(table(&rows));
+        out.push(format!("  intervals {}", answer.intervals.says()));
     }
     if let (Some(first), Some(last)) = (answer.steps.first(), answer.steps.last()) {
         out.push(format!(
@@ -166,6 +167,7 @@ pub(super) fn json(answer: &Identification, beside: &Beside) -> Value {
         "shapes": answer.shapes,
         "instruments": answer.instruments,
         "base_parameters": answer.parameters,
+        "intervals": answer.intervals,
         "reduction": answer.steps,
         "parameters": standard,
     });

@@ -17,7 +17,16 @@ pub fn identification_html(answer: &Identification, beside: &Beside) -> String {
         Status::Doubtful => "identified, with doubts",
         Status::NotIdentified => "not identified",
     };
-    let mut body = format!("<header><h1>{}: {outcome}</h1></header>", esc(&answer.robot));
+    let tone = match answer.status {
+        Status::Identified => "good",
+        Status::Doubtful => "found",
+        Status::NotIdentified => "bad",
+    };
+    let mut body = format!(
+        r#"<header><p class="eyebrow">Identification</p><h1>{}</h1><p class="outcome {tone}">{outcome}</p></header>{}"#,
+        esc(&answer.robot),
+        tiles(answer)
+    );
     for (id, title, text) in [
         ("notes", "Notes", notes(&answer.notes)),
         ("numbers", "Held-out error", errors(answer)),
@@ -38,17 +47,56 @@ pub fn identification_html(answer: &Identification, beside: &Beside) -> String {
     document(&format!("{} – {outcome}", esc(&answer.robot)), &body)
 }
 
+/// The numbers that matter, large.
+fn tiles(answer: &Identification) -> String {
+    if answer.parameters.is_empty() {
+        return String::new();
+    }
+    let tile = |class: &str, number: &str, label: &str, hint: &str| {
+        format!(r#"<div class="tile {class}"><b>{number}</b><span>{label}</span><small>{hint}</small></div>"#)
+    };
+    let base = &answer.base;
+    let determined = answer.parameters.iter().filter(|p| p.relative_sd < DETERMINED).count();
+    [
+        r#"<div class="tiles">"#,
+        &tile("before", &num(&percent(answer.pooled(|j| j.nominal))), "robot as given", "held-out error, all drives"),
+        &tile("after", &num(&percent(answer.pooled(|j| j.identified))), "as identified", "on the same rows"),
+        &tile("mid", &format!("{} of {}", base.shown, base.structural), "base parameters", "shown, of those this robot can show"),
+        &tile("floor", &determined.to_string(), "told from zero", "standard deviation below half of the value"),
+        "</div>",
+    ]
+    .concat()
+}
+
+/// Relative standard deviation below which the 95 % interval does not hold zero.
+const DETERMINED: f64 = 0.5;
+
+/// Relative standard deviation from which on its size says nothing.
+const HOPELESS: f64 = 10.0;
+
+/// A table; heads that end in `#` are of columns of numbers, which stand to the right and are not broken.
 fn table(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
-    let mut out = "<table><thead><tr>".to_owned();
-    head.iter().for_each(|h| put!(out, "<th>{h}</th>"));
+    let class = |k: usize| if head.get(k).is_some_and(|h| h.ends_with('#')) { r#" class="n""# } else { "" };
+    let mut out = r#"<div class="scroll"><table><thead><tr>"#.to_owned();
+    head.iter().enumerate().for_each(|(k, h)| put!(out, "<th{}>{}</th>", class(k), h.trim_end_matches('#')));
     out.push_str("</tr></thead><tbody>");
     for row in rows {
         out.push_str("<tr>");
-        row.iter().for_each(|cell| put!(out, "<td>{cell}</td>"));
+        row.iter().enumerate().for_each(|(k, cell)| put!(out, "<td{}>{cell}</td>", class(k)));
         out.push_str("</tr>");
     }
-    out.push_str("</tbody></table>");
+    out.push_str("</tbody></table></div>");
     out
+}
+
+/// A relative standard deviation.
+fn relative(x: f64) -> String {
+    if x < HOPELESS { num(&percent(x)) } else { format!("&gt; {}", num(&percent(HOPELESS))) }
+}
+
+/// An interval in one stretch.
+fn interval([low, high]: [f64; 2]) -> String {
+    format!("{} … {}", value(low), value(high))
 }
 
 fn value(x: f64) -> String {
@@ -83,7 +131,7 @@ fn errors(answer: &Identification) -> String {
         "{}<p class=\"soft\">rms error over rms of the measured effort on rows that were not fitted, after the same zero-phase {} Hz low-pass \
          on measurement and model; the mark is the robot as given. Method {}, {} rows; {} of {} base parameters (tolerance {:.0e}), condition \
          number {} at columns of length one, {} in SI units.</p>",
-        table(&["drive", "effort rms", "as given", "identified", "", "residual"], answer.joints.iter().map(row)),
+        table(&["drive", "effort rms#", "as given#", "identified#", "", "residual#"], answer.joints.iter().map(row)),
         value(answer.band_hz),
         answer.method.name(),
         answer.n_rows,
@@ -100,17 +148,14 @@ fn parameters(answer: &Identification) -> String {
         return String::new();
     }
     let row = |p: &Estimated| {
-        let interval = format!("{} … {}", value(p.ci95[0]), value(p.ci95[1]));
-        vec![
-            value(p.nominal),
-            value(p.value),
-            interval,
-            num(&percent(p.relative_sd.min(99.0))),
-            p.unit.to_owned(),
-            esc(&p.name).to_string(),
-        ]
+        let name = esc(&p.name).to_string();
+        vec![name, value(p.nominal), value(p.value), interval(p.ci95), relative(p.relative_sd), p.unit.to_owned()]
     };
-    table(&["nominal", "identified", "95 % interval", "relative sd", "unit", "parameter"], answer.parameters.iter().map(row))
+    format!(
+        "{}<p class=\"soft\">Intervals: {}.</p>",
+        table(&["parameter", "nominal#", "identified#", "95 % interval#", "relative sd#", "unit"], answer.parameters.iter().map(row)),
+        answer.intervals.says()
+    )
 }
 
 fn reduction(answer: &Identification) -> String {
@@ -119,30 +164,25 @@ fn reduction(answer: &Identification) -> String {
     }
     let rows = answer.steps.iter().map(|s| {
         let is_feasible = if s.is_feasible { "yes" } else { "no" };
-        let cells = [s.parameters.to_string(), esc(&s.dropped).to_string(), num(&percent(s.worst_relative_sd.min(99.0)))];
+        let cells = [s.parameters.to_string(), esc(&s.dropped).to_string(), relative(s.worst_relative_sd)];
         [cells.to_vec(), vec![value(s.fitted), num(&percent(s.heldout)), is_feasible.to_owned()]].concat()
     });
-    table(&["parameters", "dropped", "worst relative sd", "fitted residual / noise", "held-out error", "physical"], rows)
+    table(&["parameters#", "dropped", "worst relative sd#", "fitted residual / noise#", "held-out error#", "physical"], rows)
 }
 
 fn shapes(answer: &Identification) -> String {
     if answer.shapes.is_empty() {
         return String::new();
     }
-    let rows = answer.shapes.iter().map(|s| {
-        let interval = format!("{} … {}", value(s.ci95[0]), value(s.ci95[1]));
-        vec![value(s.stated), value(s.value), interval, s.unit.to_owned(), esc(&s.name).to_string()]
-    });
-    table(&["stated", "identified", "95 % interval", "unit", "shape"], rows)
+    let rows =
+        answer.shapes.iter().map(|s| vec![esc(&s.name).to_string(), value(s.stated), value(s.value), interval(s.ci95), s.unit.to_owned()]);
+    table(&["shape", "stated#", "identified#", "95 % interval#", "unit"], rows)
 }
 
 fn gains(beside: &Beside) -> String {
     let Some(g) = &beside.gains else { return String::new() };
-    let rows = g.gains.iter().map(|g| {
-        let interval = format!("{} … {}", value(g.ci95[0]), value(g.ci95[1]));
-        vec![esc(&g.joint).to_string(), value(g.gain), interval, num(&percent(g.load_share))]
-    });
-    let head = ["drive", "acting over recorded effort", "95 % interval", "known load over effort"];
+    let rows = g.gains.iter().map(|g| vec![esc(&g.joint).to_string(), value(g.gain), interval(g.ci95), num(&percent(g.load_share))]);
+    let head = ["drive", "acting over recorded effort#", "95 % interval#", "known load over effort#"];
     let table = if g.gains.is_empty() { String::new() } else { table(&head, rows) };
     table + &notes(&g.notes)
 }
@@ -150,10 +190,7 @@ fn gains(beside: &Beside) -> String {
 fn payload(beside: &Beside) -> String {
     let Some(p) = &beside.payload else { return String::new() };
     let [x, y, z]: [f64; 3] = p.body.centre_of_mass().0.into();
-    let rows = p.shown.iter().map(|e| {
-        let interval = format!("{} … {}", value(e.ci95[0]), value(e.ci95[1]));
-        vec![value(e.value), interval, e.unit.to_owned(), esc(&e.name).to_string()]
-    });
+    let rows = p.shown.iter().map(|e| vec![esc(&e.name).to_string(), value(e.value), interval(e.ci95), e.unit.to_owned()]);
     format!(
         "<p>On {}: {} kg at ({}, {}, {}) m of its frame.</p>{}{}",
         esc(&p.link),
@@ -161,7 +198,7 @@ fn payload(beside: &Beside) -> String {
         value(x),
         value(y),
         value(z),
-        table(&["value", "95 % interval", "unit", "shown by the motion"], rows),
+        table(&["shown by the motion", "value#", "95 % interval#", "unit"], rows),
         notes(&p.notes)
     )
 }
@@ -200,11 +237,11 @@ fn all(answer: &Identification) -> String {
     format!(
         "<details><summary>{} parameters</summary>{}</details>",
         answer.theta.len(),
-        table(&["parameter", "nominal", "identified", "unit"], rows)
+        table(&["parameter", "nominal#", "identified#", "unit"], rows)
     )
 }
 
 fn recordings(answer: &Identification) -> String {
     let rows = answer.recordings.iter().map(|r| vec![esc(&r.path).to_string(), r.samples.to_string(), r.used.to_owned()]);
-    table(&["recording", "samples", "used for"], rows)
+    table(&["recording", "samples#", "used for"], rows)
 }
