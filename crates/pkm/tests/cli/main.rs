@@ -2,6 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails, outside #[test] functions too")]
 
 mod bad_input;
+mod bags;
 mod controllers;
 mod excite;
 mod export;

@@ -4,11 +4,11 @@
 
 mod align;
 mod bytes;
-mod cdr;
-mod columns;
+pub(crate) mod cdr;
+pub(crate) mod columns;
 mod read;
 mod scan;
-mod schema;
+pub(crate) mod schema;
 mod series;
 mod write;
 

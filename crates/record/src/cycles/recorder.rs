@@ -1,0 +1,350 @@
+//! The state of a recording: files one after the other, pauses when the disk refuses, the last seconds in memory.
+
+use alloc::collections::{BTreeMap, VecDeque};
+use std::io;
+
+use ::mcap::McapError;
+
+use super::file::CycleFile;
+use super::store::Store;
+use super::{AsCycle, Layout};
+use crate::error::WriteError;
+
+/// Longest a failed disk is left alone before it is tried again `[ns]`.
+const RETRY_LONGEST_NS: u64 = 30_000_000_000;
+
+/// Names of files that are tried before a folder counts as full of them.
+const NAMES: u32 = 1_000_000;
+
+/// When files are flushed, synced and rotated, and what the black box holds.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Options {
+    /// Name of the files without number and extension.
+    pub stem: String,
+    /// A chunk is complete in the file after this time at the latest `[ns]`.
+    pub flush_ns: u64,
+    /// A chunk is complete when it holds so much, before compression `[bytes]`.
+    pub flush_bytes: u64,
+    /// The medium is asked to keep what it was given this often `[ns]`.
+    pub sync_ns: u64,
+    /// A new file after this time `[ns]`.
+    pub rotate_ns: u64,
+    /// A new file after this much, before compression `[bytes]`.
+    pub rotate_bytes: u64,
+    /// Periods that are kept in memory for the black box.
+    pub keep_cycles: usize,
+    /// Periods after the trigger that still go into the black box.
+    pub after_cycles: usize,
+    /// Bits of [`super::Cycle::flags`] that trigger the black box when they come up.
+    pub fault_flags: u32,
+}
+
+impl Default for Options {
+    /// Chunks of a quarter second or 4 MiB, synced every second; files of ten minutes or 1 GiB; 5 s of 1 kHz before a fault and half a second after.
+    fn default() -> Self {
+        Self {
+            stem: "cycles".to_string(),
+            flush_ns: 250_000_000,
+            flush_bytes: 4 << 20,
+            sync_ns: 1_000_000_000,
+            rotate_ns: 600_000_000_000,
+            rotate_bytes: 1 << 30,
+            keep_cycles: 5000,
+            after_cycles: 500,
+            fault_flags: 0,
+        }
+    }
+}
+
+/// What became of the periods so far.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Periods in complete chunks.
+    pub written: u64,
+    /// Periods that came while the disk refused, or were in a chunk that failed.
+    pub lost: u64,
+    /// Files begun.
+    pub files: u64,
+    /// Black boxes written.
+    pub black_boxes: u64,
+    /// Whether a file is open.
+    pub is_recording: bool,
+    /// What the disk said last.
+    pub error: Option<String>,
+}
+
+/// A black box that still waits for what happens after its trigger.
+struct Pending {
+    reason: String,
+    left: usize,
+}
+
+/// A recording without a thread: give it periods and the time.
+pub struct Recorder<T> {
+    store: Box<dyn Store>,
+    layout: Layout,
+    options: Options,
+    file: Option<CycleFile>,
+    index: u32,
+    opened_ns: u64,
+    flushed_ns: u64,
+    synced_ns: u64,
+    file_bytes: u64,
+    /// When to try again, and how long to wait after the next failure `[ns]`.
+    retry: (u64, u64),
+    kept: VecDeque<T>,
+    pending: Option<Pending>,
+    flags: u32,
+    tally: Tally,
+}
+
+impl<T: AsCycle + Clone> Recorder<T> {
+    /// Begins the first file at `now_ns` `[ns]`, of any clock that the later calls use as well.
+    ///
+    /// # Errors
+    /// Names that cannot be columns; a store that refuses: what could not be recorded from the start is told at the start.
+    pub fn begin(store: Box<dyn Store>, layout: Layout, options: Options, now_ns: u64) -> Result<Self, WriteError> {
+        let mut recorder = Self {
+            kept: VecDeque::with_capacity(options.keep_cycles + options.after_cycles),
+            store,
+            layout,
+            options,
+            file: None,
+            index: 0,
+            opened_ns: now_ns,
+            flushed_ns: now_ns,
+            synced_ns: now_ns,
+            file_bytes: 0,
+            retry: (now_ns, 0),
+            pending: None,
+            flags: 0,
+            tally: Tally::default(),
+        };
+        recorder.layout.check(&recorder.store.display(&recorder.options.stem))?;
+        match recorder.open(now_ns) {
+            Ok(()) => Ok(recorder),
+            Err((file, e)) => Err(WriteError::Io { file, detail: e.to_string() }),
+        }
+    }
+
+    /// What became of the periods so far.
+    #[must_use]
+    pub fn tally(&self) -> &Tally {
+        &self.tally
+    }
+
+    /// What every file carries.
+    #[must_use]
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Takes a period.
+    pub fn push(&mut self, item: T, now_ns: u64) {
+        let (flags, is_written) = {
+            let cycle = item.cycle();
+            let written = self.file.as_mut().map(|file| file.push(&self.layout, &cycle));
+            (cycle.flags, written)
+        };
+        match is_written {
+            None => self.tally.lost += 1,
+            Some(Ok(())) => {}
+            Some(Err(e)) => self.fail(&e.to_string(), now_ns),
+        }
+        self.keep(item, flags);
+        if self.file.as_ref().is_some_and(|file| file.pending_bytes >= self.options.flush_bytes) {
+            self.flush(now_ns);
+        }
+    }
+
+    /// Flushes, syncs, rotates and tries again, whatever is due at `now_ns` `[ns]`. Call it at least every tenth of a second.
+    pub fn tick(&mut self, now_ns: u64) {
+        if self.file.is_none() {
+            if now_ns >= self.retry.0
+                && let Err((_, e)) = self.open(now_ns)
+            {
+                self.refused(&e.to_string(), now_ns);
+            }
+            return;
+        }
+        if now_ns.saturating_sub(self.flushed_ns) >= self.options.flush_ns {
+            self.flush(now_ns);
+        }
+        if now_ns.saturating_sub(self.synced_ns) >= self.options.sync_ns {
+            self.synced_ns = now_ns;
+            if let Some(Err(e)) = self.file.as_mut().map(CycleFile::sync) {
+                self.fail(&e.to_string(), now_ns);
+            }
+        }
+        let is_old = now_ns.saturating_sub(self.opened_ns) >= self.options.rotate_ns;
+        if self.file.is_some() && (is_old || self.file_bytes >= self.options.rotate_bytes) {
+            self.close(now_ns);
+            if let Err((_, e)) = self.open(now_ns) {
+                self.refused(&e.to_string(), now_ns);
+            }
+        }
+    }
+
+    /// Writes the last periods into a file of their own when those after now have come, at once when there are none to come.
+    pub fn black_box(&mut self, reason: &str) {
+        if self.pending.is_none() {
+            self.pending = Some(Pending { reason: reason.to_string(), left: self.options.after_cycles });
+        }
+        if self.options.after_cycles == 0 {
+            self.write_black_box();
+        }
+    }
+
+    /// Ends the recording: the file gets its summary, a black box that waits is written.
+    ///
+    /// # Errors
+    /// What the disk says; what was flushed before can be recovered.
+    pub fn finish(mut self, now_ns: u64) -> (Tally, Result<(), WriteError>) {
+        self.write_black_box();
+        let name = self.name(self.index);
+        let had_file = self.file.is_some();
+        self.close(now_ns);
+        let is_lost = had_file && !self.tally.is_recording && self.tally.error.is_some();
+        let outcome = match (&self.tally.error, is_lost) {
+            (Some(e), true) => Err(WriteError::Io { file: self.store.display(&name), detail: e.clone() }),
+            _ => Ok(()),
+        };
+        self.tally.is_recording = false;
+        (self.tally, outcome)
+    }
+
+    fn name(&self, index: u32) -> String {
+        format!("{}_{index:04}.mcap", self.options.stem)
+    }
+
+    /// Begins the next file whose name is free.
+    fn open(&mut self, now_ns: u64) -> Result<(), (String, McapError)> {
+        let keys = BTreeMap::from([("file".to_string(), (self.tally.files + 1).to_string())]);
+        let (name, index, file) = self.begin_file("", self.index + 1, &keys)?;
+        self.index = index;
+        self.file = Some(file);
+        (self.opened_ns, self.flushed_ns, self.file_bytes) = (now_ns, now_ns, 0);
+        self.tally.files += 1;
+        self.tally.is_recording = true;
+        let _ = name;
+        Ok(())
+    }
+
+    fn begin_file(&mut self, kind: &str, from: u32, keys: &BTreeMap<String, String>) -> Result<(String, u32, CycleFile), (String, McapError)> {
+        let mut last = String::new();
+        for index in from..from.saturating_add(NAMES) {
+            let name = format!("{}{kind}_{index:04}.mcap", self.options.stem);
+            let shown = self.store.display(&name);
+            match self.store.create(&name) {
+                Err(e) if e.kind() == io::ErrorKind::AlreadyExists => last = shown,
+                Err(e) => return Err((shown, e.into())),
+                Ok(stored) => {
+                    return match CycleFile::begin(stored, &self.layout, keys) {
+                        Ok(file) => Ok((name, index, file)),
+                        Err(e) => {
+                            self.store.discard(&name);
+                            Err((shown, e))
+                        }
+                    };
+                }
+            }
+        }
+        Err((last, McapError::Io(io::ErrorKind::AlreadyExists.into())))
+    }
+
+    fn flush(&mut self, now_ns: u64) {
+        let Some(file) = self.file.as_mut() else { return };
+        self.flushed_ns = now_ns;
+        let bytes = file.pending_bytes;
+        match file.flush() {
+            Ok(periods) => {
+                self.tally.written += periods;
+                self.file_bytes += bytes;
+                if periods > 0 {
+                    // The disk takes again: a next failure is a new one.
+                    self.retry.1 = 0;
+                    self.tally.error = None;
+                }
+            }
+            Err(e) => self.fail(&e.to_string(), now_ns),
+        }
+    }
+
+    fn close(&mut self, now_ns: u64) {
+        let Some(file) = self.file.as_mut() else { return };
+        let outcome = file.finish().and_then(|periods| {
+            file.sync()?;
+            Ok(periods)
+        });
+        match outcome {
+            Ok(periods) => {
+                self.tally.written += periods;
+                self.file = None;
+            }
+            Err(e) => self.fail(&e.to_string(), now_ns),
+        }
+    }
+
+    /// The file is given up: the format has no way to go on behind a chunk that is cut.
+    fn fail(&mut self, what: &str, now_ns: u64) {
+        if let Some(file) = self.file.take() {
+            self.tally.lost += file.pending;
+        }
+        self.refused(what, now_ns);
+    }
+
+    fn refused(&mut self, what: &str, now_ns: u64) {
+        self.tally.is_recording = false;
+        self.tally.error = Some(what.to_string());
+        let wait = (self.retry.1 * 2).clamp(1_000_000_000, RETRY_LONGEST_NS);
+        self.retry = (now_ns.saturating_add(wait), wait);
+    }
+
+    fn keep(&mut self, item: T, flags: u32) {
+        let most = self.options.keep_cycles + self.options.after_cycles;
+        while self.kept.len() >= most.max(1) {
+            self.kept.pop_front();
+        }
+        if most > 0 {
+            self.kept.push_back(item);
+        }
+        let came_up = flags & !self.flags & self.options.fault_flags;
+        self.flags = flags;
+        let is_due = self.pending.as_mut().is_some_and(|pending| {
+            pending.left = pending.left.saturating_sub(1);
+            pending.left == 0
+        });
+        if is_due {
+            self.write_black_box();
+        }
+        if came_up != 0 {
+            self.black_box(&self.told(came_up));
+        }
+    }
+
+    /// The flags by name.
+    fn told(&self, flags: u32) -> String {
+        let name = |bit: u32| {
+            let known = usize::try_from(bit).ok().and_then(|i| self.layout.flags.get(i)).cloned();
+            known.unwrap_or_else(|| format!("flag {bit}"))
+        };
+        (0..u32::BITS).filter(|bit| flags >> bit & 1 == 1).map(name).collect::<Vec<_>>().join(", ")
+    }
+
+    fn write_black_box(&mut self) {
+        let Some(pending) = self.pending.take() else { return };
+        let keys = BTreeMap::from([("reason".to_string(), pending.reason)]);
+        let begun = self.begin_file("_blackbox", 1, &keys);
+        let written = begun.map_err(|(_, e)| e).and_then(|(_, _, mut file)| {
+            for item in &self.kept {
+                file.push(&self.layout, &item.cycle())?;
+            }
+            file.finish()?;
+            Ok(file.sync()?)
+        });
+        match written {
+            Ok(()) => self.tally.black_boxes += 1,
+            Err(e) => self.tally.error = Some(format!("black box: {e}")),
+        }
+    }
+}
