@@ -7,6 +7,7 @@ mod convert;
 mod demo;
 mod diagnose;
 mod diagnosis;
+mod doctor;
 mod effects;
 mod excite;
 mod export;
@@ -16,6 +17,7 @@ mod out;
 mod outputs;
 mod progress;
 mod random;
+mod replay;
 mod reproduce;
 mod robot_file;
 mod seal;
@@ -53,6 +55,7 @@ Handle recordings:
   simulate    Record a simulated robot, with or without concealed physics
   convert     Turn a CSV recording into MCAP, or back
   twin        Replay a recording in simulation and compare
+  replay      Do every step of a recorded controller again, to the bit
 
 Fit a robot:
   identify    Estimate masses, inertias and friction of a robot from recordings
@@ -63,6 +66,9 @@ Find missing physics:
 
 Analyse a control loop:
   mu          Bound the structured singular value: how much uncertainty a loop survives
+
+Look at a machine:
+  doctor      Say whether this machine can run a control loop on time
 
 See it work:
   reproduce   Do a paper's experiments again and compare its numbers with ours
@@ -114,6 +120,8 @@ enum Verb {
     Convert(convert::Args),
     /// Replay a recording in simulation and compare, joint by joint.
     Twin(twin::Args),
+    /// Do every step of a recorded controller again, to the bit.
+    Replay(replay::Args),
     /// Estimate masses, inertias and friction of a robot from recordings.
     Identify(identify::Args),
     /// Locate, name and size what a robot file leaves out of its recordings.
@@ -122,6 +130,8 @@ enum Verb {
     TrialNull(trial_null::Args),
     /// Bound the structured singular value: how much uncertainty a loop survives.
     Mu(mu::Args),
+    /// Say whether this machine can run a control loop on time.
+    Doctor(doctor::Args),
     /// Do a paper's experiments again and compare its numbers with ours.
     Reproduce(reproduce::Args),
     /// Conceal an effect in a simulated robot and find it again.
@@ -144,10 +154,12 @@ fn main() -> ExitCode {
         Verb::Simulate(args) => simulate::run(args),
         Verb::Convert(args) => convert::run(args),
         Verb::Twin(args) => twin::run(args),
+        Verb::Replay(args) => replay::run(args),
         Verb::Identify(args) => identify::run(args),
         Verb::Diagnose(args) => diagnose::run(args),
         Verb::TrialNull(args) => trial_null::run(args),
         Verb::Mu(args) => mu::run(args),
+        Verb::Doctor(args) => doctor::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Demo(args) => demo::run(args),
     }));

@@ -70,7 +70,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let recording = recording.first().ok_or_else(|| anyhow!("no recording"))?;
     let truth = Robot::new(description.bare.clone(), nominal.effects.iter().cloned().chain(added.effects).collect());
     let name = args.recording.display().to_string();
-    let setup = Setup { robots: [&truth, nominal], laws: added.laws, controller };
+    let setup = Setup { robots: [&truth, nominal], laws: added.laws, controller, watch: None };
     let found = twin_with(setup, recording, args.plant.kind(args.seed)?).with_context(|| name.clone())?;
     if let Some(target) = &args.html {
         outputs.write(target, &page(&nominal.model.name, recording, &found))?;

@@ -6,6 +6,7 @@
 extern crate alloc;
 
 mod csv;
+pub mod cycles;
 mod error;
 mod mcap;
 mod meta;
@@ -15,6 +16,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+pub use cycles::{Control, ControlStep};
 pub use error::{ReadError, WriteError};
 use pkm_ident::Recording;
 
@@ -39,12 +41,14 @@ pub struct Attachment {
 }
 
 /// What a written file carries besides the recording.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Attachments {
     /// Files; CSV has no place for them and leaves them out.
     pub files: Vec<Attachment>,
     /// Further metadata keys, such as a configuration hash; on reading they are in `Meta::other`.
     pub keys: BTreeMap<String, String>,
+    /// Steps of the controller, in order of time; CSV has no place for them. They are read by [`read_controls`].
+    pub controls: Vec<ControlStep>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -106,6 +110,19 @@ pub fn read_attachments(path: &Path, options: &ReadOptions) -> Result<Attachment
     }
 }
 
+/// Reads the steps of the controller that an MCAP file holds, one after the other; a CSV file has none.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_controls(path: &Path, options: &ReadOptions, each: &mut dyn FnMut(ControlStep)) -> Result<(), ReadError> {
+    let file = path.display().to_string();
+    let source = open(path, &file)?;
+    match source.format {
+        Format::Mcap => mcap::read_controls(&file, source.reader, source.length, options, each),
+        Format::Csv => Ok(()),
+    }
+}
+
 /// Writes a recording as `.csv` or `.mcap`; the file appears complete or not at all.
 ///
 /// ```
@@ -137,7 +154,7 @@ pub fn write(path: &Path, recording: &Recording, attachments: &Attachments) -> R
     let mut temporary = builder.prefix(".").suffix(".part").tempfile_in(directory).map_err(io)?;
     match format {
         Format::Csv => csv::write(temporary.as_file_mut(), recording, &lines).map_err(io)?,
-        Format::Mcap => mcap::write(&file, temporary.as_file_mut(), recording, (lines, &attachments.files))?,
+        Format::Mcap => mcap::write(&file, temporary.as_file_mut(), recording, (lines, attachments))?,
     }
     temporary.as_file().sync_all().map_err(io)?;
     temporary.persist(path).map_err(|e| io(e.error))?;

@@ -22,6 +22,20 @@ pub mod flags {
     pub const BLENDING: u32 = 1 << 8;
     /// The controller reported a fault.
     pub const CONTROLLER_FAULT: u32 = 1 << 9;
+
+    /// All of them with their names.
+    pub const ALL: [(&str, u32); 10] = [
+        ("new-state", NEW_STATE),
+        ("late-state", LATE_STATE),
+        ("refused-state", REFUSED_STATE),
+        ("commanded", COMMANDED),
+        ("saturated", SATURATED),
+        ("overrun", OVERRUN),
+        ("safe", SAFE),
+        ("armed", ARMED),
+        ("blending", BLENDING),
+        ("controller-fault", CONTROLLER_FAULT),
+    ];
 }
 
 /// An enum with a code and a name for every value.

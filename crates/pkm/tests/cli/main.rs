@@ -9,6 +9,7 @@ mod export;
 mod fixture;
 mod identify;
 mod mu;
+mod replay;
 mod reproduce;
 mod simulate;
 mod twin;

@@ -8,10 +8,11 @@ use std::sync::{Mutex, PoisonError};
 use ::mcap::records::Metadata;
 use ::mcap::write::NoSeek;
 use ::mcap::{Compression, McapError, WriteOptions, Writer};
+use pkm_hal::cycle::CycleRecord;
 
 use super::messages::Channels;
 use super::store::Stored;
-use super::{Cycle, Layout};
+use super::Layout;
 use crate::mcap::{RECORD, cdr};
 use crate::meta;
 
@@ -66,9 +67,9 @@ impl CycleFile {
     }
 
     /// Appends a period to the chunk that is open.
-    pub(super) fn push(&mut self, layout: &Layout, cycle: &Cycle<'_>) -> Result<(), McapError> {
+    pub(super) fn push(&mut self, layout: &Layout, record: &CycleRecord) -> Result<(), McapError> {
         self.pending += 1;
-        self.pending_bytes += self.channels.write(&mut self.writer, &mut self.message, layout, cycle)?;
+        self.pending_bytes += self.channels.write(&mut self.writer, &mut self.message, layout, record)?;
         Ok(())
     }
 
@@ -98,9 +99,6 @@ fn record(layout: &Layout, keys: &BTreeMap<String, String>) -> BTreeMap<String, 
     record.extend(keys.clone());
     record.insert(meta::VERSION.to_string(), env!("CARGO_PKG_VERSION").to_string());
     record.insert("clock_offset_ns".to_string(), layout.epoch_ns.to_string());
-    if !layout.flags.is_empty() {
-        record.insert("flags".to_string(), layout.flags.join(" "));
-    }
     if layout.carried.files.iter().any(|file| file.name == "controller.toml") {
         record.entry("controller".to_string()).or_insert_with(|| "controller.toml".to_string());
     }

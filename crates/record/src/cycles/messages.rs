@@ -6,7 +6,10 @@ use std::io::{Seek, Write};
 use ::mcap::records::MessageHeader;
 use ::mcap::{McapError, Writer};
 
-use super::{Cycle, Layout, control};
+use pkm_hal::cycle::{Cause, CycleRecord, Phase, flags};
+use pkm_hal::{MAX_AXES, Signal, StateFrame};
+
+use super::Layout;
 use crate::mcap::columns::{self, Kind, Slot};
 use crate::mcap::{cdr, schema};
 
@@ -17,7 +20,6 @@ pub(super) struct Channels {
     accelerations: u16,
     commands: u16,
     cycles: u16,
-    controls: u16,
     sensors: Vec<SensorTopic>,
 }
 
@@ -46,8 +48,7 @@ impl Channels {
         let joints = |writer: &mut Writer<W>, topic: &str| channel(writer, topic, (schema::JOINT_STATE, schema::JOINT_STATE_TEXT));
         let [states, references, accelerations, commands] =
             [columns::STATES, columns::REFERENCES, columns::REFERENCE_ACCELERATIONS, columns::COMMANDS].map(|t| joints(writer, t));
-        let cycles = channel(writer, columns::CYCLES, (schema::CYCLE, schema::CYCLE_TEXT))?;
-        let controls = channel(writer, columns::CONTROLS, (schema::CONTROL, schema::CONTROL_TEXT))?;
+        let cycles = channel(writer, columns::CYCLES, (schema::CYCLE, &definition()))?;
         let mut sensors = Vec::new();
         for (topic, draft) in drafts(layout) {
             let types = match draft.kind {
@@ -60,7 +61,7 @@ impl Channels {
             sensors.push(SensorTopic { channel: channel(writer, &topic, types)?, names, frame, fields: draft.fields });
         }
         let (states, references, accelerations, commands) = (states?, references?, accelerations?, commands?);
-        Ok(Self { states, references, accelerations, commands, cycles, controls, sensors })
+        Ok(Self { states, references, accelerations, commands, cycles, sensors })
     }
 
     /// Writes a period; `message` is scratch. How many bytes it came to.
@@ -69,50 +70,51 @@ impl Channels {
         writer: &mut Writer<W>,
         message: &mut cdr::Writer,
         layout: &Layout,
-        cycle: &Cycle<'_>,
+        record: &CycleRecord,
     ) -> Result<u64, McapError> {
-        let time = layout.epoch_ns.saturating_add(cycle.stamp_ns);
+        let state = &record.state;
+        // What answers a sample has the sample's time; a period without one has its own.
+        let is_new = record.flags & flags::NEW_STATE != 0;
+        let time = layout.epoch_ns.saturating_add(if is_new { state.stamp_ns } else { record.read_ns });
         let stamp = i64::try_from(time).unwrap_or(i64::MAX);
         // The sequence counts periods as far as 32 bits go.
-        let sequence = u32::try_from(cycle.number & u64::from(u32::MAX)).unwrap_or(0);
+        let sequence = u32::try_from(record.cycle & u64::from(u32::MAX)).unwrap_or(0);
         let mut bytes = 0;
         let mut send = |channel_id: u16, message: &cdr::Writer| {
             bytes += message.finish().len() as u64 + OVERHEAD;
             let header = MessageHeader { channel_id, sequence, log_time: time, publish_time: time };
             writer.write_to_known_channel(&header, message.finish())
         };
-        let none: &[f64] = &[];
-        for (channel, lists) in [
-            (self.states, [cycle.q, cycle.v, cycle.tau]),
-            (self.references, [cycle.q_ref, cycle.v_ref, none]),
-            (self.accelerations, [cycle.a_ref, none, none]),
-            (self.commands, [none, none, cycle.tau_cmd]),
-        ] {
-            if lists.iter().all(|list| list.is_empty()) {
-                continue;
-            }
+        let n = layout.joints.len();
+        let mut joints = |channel: u16, lists: [Option<&dyn Fn(usize) -> f64>; 3]| {
             message.start(stamp, "");
-            message.count(layout.joints.len());
+            message.count(n);
             layout.joints.iter().for_each(|name| message.text(name));
-            lists.iter().for_each(|list| message.f64s(list));
-            send(channel, message)?;
+            for list in lists {
+                message.count(if list.is_some() { n } else { 0 });
+                list.iter().for_each(|value| (0..n).for_each(|i| message.f64(value(i))));
+            }
+            send(channel, message)
+        };
+        let at = |list: &[f64; MAX_AXES], i: usize| list.get(i).copied().unwrap_or(f64::NAN);
+        if is_new {
+            let measured = |signal: Signal, i: usize| state.measured(signal, i).unwrap_or(f64::NAN);
+            let [q, v, tau] = [Signal::Position, Signal::Velocity, Signal::Effort].map(|signal| move |i: usize| measured(signal, i));
+            joints(self.states, [Some(&q), Some(&v), Some(&tau)])?;
         }
-        for topic in &self.sensors {
-            topic.encode(message, stamp, cycle.sensor);
-            send(topic.channel, message)?;
+        joints(self.references, [Some(&|i| at(&record.q_ref, i)), Some(&|i| at(&record.v_ref, i)), None])?;
+        joints(self.accelerations, [Some(&|i| at(&record.a_ref, i)), None, None])?;
+        if record.flags & flags::COMMANDED != 0 {
+            joints(self.commands, [None, None, Some(&|i| at(&record.tau_sent, i))])?;
         }
-        message.start(stamp, "");
-        message.u64(cycle.number);
-        message.u64(cycle.stamp_ns);
-        message.u32(cycle.flags);
-        message.u32(cycle.skipped);
-        message.u64(cycle.late_ns);
-        message.u64(cycle.compute_ns);
+        if is_new {
+            for topic in &self.sensors {
+                topic.encode(message, stamp, state);
+                send(topic.channel, message)?;
+            }
+        }
+        encode(message, stamp, record, n);
         send(self.cycles, message)?;
-        if let Some(step) = &cycle.control {
-            control::encode(message, stamp, cycle.number, step);
-            send(self.controls, message)?;
-        }
         Ok(bytes)
     }
 }
@@ -120,9 +122,68 @@ impl Channels {
 /// Bytes of a message record besides its data: opcode, length, channel, sequence, two times.
 const OVERHEAD: u64 = 31;
 
+/// A record in the order of its definition ([`definition`]).
+fn encode(message: &mut cdr::Writer, stamp_ns: i64, record: &CycleRecord, n: usize) {
+    let CycleRecord { state, command, .. } = record;
+    message.start(stamp_ns, "");
+    for word in [
+        record.cycle,
+        record.planned_ns,
+        record.woken_ns,
+        record.read_ns,
+        record.computed_ns,
+        record.done_ns,
+        record.skipped,
+        state.sequence,
+        state.stamp_ns,
+        state.command_sequence,
+        command.sequence,
+        command.valid_until_ns,
+    ] {
+        message.u64(word);
+    }
+    for number in [record.dt[0], record.motion_time[0], record.value[0], record.limit[0]] {
+        message.f64(number);
+    }
+    for word in [
+        record.phase,
+        record.cause,
+        record.place,
+        record.flags,
+        record.clipped,
+        record.limited,
+        command.mode,
+        state.status,
+        state.drive_fault,
+    ] {
+        message.u32(word);
+    }
+    for list in [&record.tau_ff, &command.tau] {
+        message.f64s(list.get(..n).unwrap_or(list));
+    }
+    message.f64s(&record.wrench);
+    message.f64s(&record.wrench_ref);
+}
+
+/// Definition of [`schema::CYCLE`], with the codes by name.
+fn definition() -> String {
+    let mut text = String::from(schema::CYCLE_HEAD);
+    let upper = |name: &str| name.to_ascii_uppercase().replace('-', "_");
+    for (name, bit) in flags::ALL {
+        text += &format!("uint32 FLAG_{}={bit}\n", upper(name));
+    }
+    for phase in Phase::ALL {
+        text += &format!("uint32 PHASE_{}={}\n", upper(phase.name()), phase.code());
+    }
+    for cause in Cause::ALL {
+        text += &format!("uint32 CAUSE_{}={}\n", upper(cause.name()), cause.code());
+    }
+    text + schema::CYCLE_TAIL
+}
+
 impl SensorTopic {
-    fn encode(&self, message: &mut cdr::Writer, stamp: i64, sensors: &[f64]) {
-        let number = |place: &Option<usize>| place.and_then(|i| sensors.get(i)).copied().unwrap_or(f64::NAN);
+    fn encode(&self, message: &mut cdr::Writer, stamp: i64, state: &StateFrame) {
+        let number = |place: &Option<usize>| place.and_then(|i| state.measured(Signal::Sensor, i)).unwrap_or(f64::NAN);
         message.start(stamp, &self.frame);
         if self.names.is_empty() {
             self.fields[0].iter().for_each(|place| message.f64(number(place)));

@@ -4,10 +4,11 @@ use alloc::collections::{BTreeMap, VecDeque};
 use std::io;
 
 use ::mcap::McapError;
+use pkm_hal::cycle::{Cause, CycleRecord, Phase};
 
 use super::file::CycleFile;
 use super::store::Store;
-use super::{AsCycle, Layout};
+use super::Layout;
 use crate::error::WriteError;
 
 /// Longest a failed disk is left alone before it is tried again `[ns]`.
@@ -35,8 +36,6 @@ pub struct Options {
     pub keep_cycles: usize,
     /// Periods after the trigger that still go into the black box.
     pub after_cycles: usize,
-    /// Bits of [`super::Cycle::flags`] that trigger the black box when they come up.
-    pub fault_flags: u32,
 }
 
 impl Default for Options {
@@ -51,7 +50,6 @@ impl Default for Options {
             rotate_bytes: 1 << 30,
             keep_cycles: 5000,
             after_cycles: 500,
-            fault_flags: 0,
         }
     }
 }
@@ -80,7 +78,7 @@ struct Pending {
 }
 
 /// A recording without a thread: give it periods and the time.
-pub struct Recorder<T> {
+pub struct Recorder {
     store: Box<dyn Store>,
     layout: Layout,
     options: Options,
@@ -92,13 +90,14 @@ pub struct Recorder<T> {
     file_bytes: u64,
     /// When to try again, and how long to wait after the next failure `[ns]`.
     retry: (u64, u64),
-    kept: VecDeque<T>,
+    kept: VecDeque<CycleRecord>,
     pending: Option<Pending>,
-    flags: u32,
+    /// Whether the loop had stopped in the last period.
+    was_stopped: bool,
     tally: Tally,
 }
 
-impl<T: AsCycle + Clone> Recorder<T> {
+impl Recorder {
     /// Begins the first file at `now_ns` `[ns]`, of any clock that the later calls use as well.
     ///
     /// # Errors
@@ -117,7 +116,7 @@ impl<T: AsCycle + Clone> Recorder<T> {
             file_bytes: 0,
             retry: (now_ns, 0),
             pending: None,
-            flags: 0,
+            was_stopped: false,
             tally: Tally::default(),
         };
         recorder.layout.check(&recorder.store.display(&recorder.options.stem))?;
@@ -140,18 +139,13 @@ impl<T: AsCycle + Clone> Recorder<T> {
     }
 
     /// Takes a period.
-    pub fn push(&mut self, item: T, now_ns: u64) {
-        let (flags, is_written) = {
-            let cycle = item.cycle();
-            let written = self.file.as_mut().map(|file| file.push(&self.layout, &cycle));
-            (cycle.flags, written)
-        };
-        match is_written {
+    pub fn push(&mut self, record: &CycleRecord, now_ns: u64) {
+        match self.file.as_mut().map(|file| file.push(&self.layout, record)) {
             None => self.tally.lost += 1,
             Some(Ok(())) => {}
             Some(Err(e)) => self.fail(&e.to_string(), now_ns),
         }
-        self.keep(item, flags);
+        self.keep(record);
         if self.file.as_ref().is_some_and(|file| file.pending_bytes >= self.options.flush_bytes) {
             self.flush(now_ns);
         }
@@ -300,16 +294,15 @@ impl<T: AsCycle + Clone> Recorder<T> {
         self.retry = (now_ns.saturating_add(wait), wait);
     }
 
-    fn keep(&mut self, item: T, flags: u32) {
+    /// Keeps the period in memory, and begins or ends a black box.
+    fn keep(&mut self, record: &CycleRecord) {
         let most = self.options.keep_cycles + self.options.after_cycles;
-        while self.kept.len() >= most.max(1) {
-            self.kept.pop_front();
-        }
         if most > 0 {
-            self.kept.push_back(item);
+            if self.kept.len() >= most {
+                self.kept.pop_front();
+            }
+            self.kept.push_back(*record);
         }
-        let came_up = flags & !self.flags & self.options.fault_flags;
-        self.flags = flags;
         let is_due = self.pending.as_mut().is_some_and(|pending| {
             pending.left = pending.left.saturating_sub(1);
             pending.left == 0
@@ -317,18 +310,11 @@ impl<T: AsCycle + Clone> Recorder<T> {
         if is_due {
             self.write_black_box();
         }
-        if came_up != 0 {
-            self.black_box(&self.told(came_up));
+        let is_stopped = matches!(Phase::of(record.phase), Some(Phase::SafeStop | Phase::Fault));
+        if is_stopped && !self.was_stopped {
+            self.black_box(&reason(record));
         }
-    }
-
-    /// The flags by name.
-    fn told(&self, flags: u32) -> String {
-        let name = |bit: u32| {
-            let known = usize::try_from(bit).ok().and_then(|i| self.layout.flags.get(i)).cloned();
-            known.unwrap_or_else(|| format!("flag {bit}"))
-        };
-        (0..u32::BITS).filter(|bit| flags >> bit & 1 == 1).map(name).collect::<Vec<_>>().join(", ")
+        self.was_stopped = is_stopped;
     }
 
     fn write_black_box(&mut self) {
@@ -336,8 +322,8 @@ impl<T: AsCycle + Clone> Recorder<T> {
         let keys = BTreeMap::from([("reason".to_string(), pending.reason)]);
         let begun = self.begin_file("_blackbox", 1, &keys);
         let written = begun.map_err(|(_, e)| e).and_then(|(_, _, mut file)| {
-            for item in &self.kept {
-                file.push(&self.layout, &item.cycle())?;
+            for record in &self.kept {
+                file.push(&self.layout, record)?;
             }
             file.finish()?;
             Ok(file.sync()?)
@@ -347,4 +333,10 @@ impl<T: AsCycle + Clone> Recorder<T> {
             Err(e) => self.tally.error = Some(format!("black box: {e}")),
         }
     }
+}
+
+/// Why the loop stopped, in words.
+fn reason(record: &CycleRecord) -> String {
+    let cause = Cause::of(record.cause).map_or_else(|| format!("cause {}", record.cause), |cause| cause.name().to_string());
+    format!("{cause} in cycle {}: place {}, value {}, limit {}", record.cycle, record.place, record.value[0], record.limit[0])
 }

@@ -7,27 +7,27 @@ use std::sync::{Mutex, PoisonError};
 use std::thread::JoinHandle;
 
 use pkm_hal::Clock;
-use rtrb::Consumer;
+use pkm_hal::cycle::{CycleRecord, CycleSource};
 
 use super::recorder::{Options, Recorder, Tally};
-use super::{AsCycle, Cycle, Layout, Store};
+use super::{Layout, Store};
 use crate::error::WriteError;
 
 /// How long the thread sleeps when the ring is empty.
 const PAUSE: Duration = Duration::from_millis(2);
 
 /// Periods between two looks at the clock while the ring is being emptied.
-const AT_ONCE: usize = 256;
+const AT_ONCE: u64 = 256;
 
 /// Sees every period on the thread of the recording, before it is written: a live view, say. It must not wait.
-pub type Tap = Box<dyn FnMut(&Cycle<'_>) + Send>;
+pub type Tap = Box<dyn FnMut(&CycleRecord) + Send>;
 
 /// What other threads see of a recording.
 #[derive(Debug, Default)]
 struct Board {
     stop: AtomicBool,
-    largest_fill: AtomicU64,
     taken: AtomicU64,
+    dropped: AtomicU64,
     tally: Mutex<Tally>,
     black_box: Mutex<Option<String>>,
 }
@@ -37,8 +37,8 @@ struct Board {
 pub struct Progress {
     /// Periods taken from the ring.
     pub taken: u64,
-    /// Most periods that were ever in the ring at once.
-    pub largest_fill: u64,
+    /// Periods that found no room in the ring.
+    pub dropped: u64,
     /// Periods in complete chunks.
     pub written: u64,
     /// Periods that came while the disk refused, or were in a chunk that failed.
@@ -66,8 +66,8 @@ pub struct Handle {
 ///
 /// # Errors
 /// As [`Recorder::begin`]; a system that gives no thread.
-pub fn spawn<T, C>(
-    ring: Consumer<T>,
+pub fn spawn<R, C>(
+    ring: R,
     store: Box<dyn Store>,
     layout: Layout,
     options: Options,
@@ -75,7 +75,7 @@ pub fn spawn<T, C>(
     taps: Vec<Tap>,
 ) -> Result<Handle, WriteError>
 where
-    T: AsCycle + Clone + Send + 'static,
+    R: CycleSource + Send + 'static,
     C: Clock + Send + 'static,
 {
     let stem = options.stem.clone();
@@ -96,8 +96,8 @@ impl Handle {
         let tally = self.board.tally.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let Tally { written, lost, files, black_boxes, is_recording, error } = tally;
         let taken = self.board.taken.load(Ordering::Relaxed);
-        let largest_fill = self.board.largest_fill.load(Ordering::Relaxed);
-        Progress { taken, largest_fill, written, lost, files, black_boxes, is_recording, error }
+        let dropped = self.board.dropped.load(Ordering::Relaxed);
+        Progress { taken, dropped, written, lost, files, black_boxes, is_recording, error }
     }
 
     /// Whether the thread still runs.
@@ -134,34 +134,36 @@ impl Drop for Handle {
     }
 }
 
-fn empty<T: AsCycle + Clone>(
-    mut ring: Consumer<T>,
-    mut recorder: Recorder<T>,
+fn empty(
+    mut ring: impl CycleSource,
+    mut recorder: Recorder,
     clock: &dyn Clock,
     mut taps: Vec<Tap>,
     board: &Board,
 ) -> Result<(), WriteError> {
     loop {
-        // Looked at before the ring is: what was pushed before the stop is then in it.
-        let is_last = board.stop.load(Ordering::Acquire) || ring.is_abandoned();
-        let fill = ring.slots();
-        board.largest_fill.fetch_max(fill as u64, Ordering::Relaxed);
+        // Looked at before the ring is: what was put in before the end is then found.
+        let is_last = board.stop.load(Ordering::Acquire) || ring.is_closed();
         let now_ns = clock.now_ns();
-        for _ in 0..fill.min(AT_ONCE) {
-            let Ok(item) = ring.pop() else { break };
-            taps.iter_mut().for_each(|tap| tap(&item.cycle()));
-            recorder.push(item, now_ns);
-            board.taken.fetch_add(1, Ordering::Relaxed);
+        let mut taken = 0;
+        while taken < AT_ONCE
+            && let Some(record) = ring.take()
+        {
+            taps.iter_mut().for_each(|tap| tap(&record));
+            recorder.push(&record, now_ns);
+            taken += 1;
         }
+        board.taken.fetch_add(taken, Ordering::Relaxed);
+        board.dropped.store(ring.lost(), Ordering::Relaxed);
         if let Some(reason) = board.black_box.lock().unwrap_or_else(PoisonError::into_inner).take() {
             recorder.black_box(&reason);
         }
         recorder.tick(now_ns);
         recorder.tally().clone_into(&mut board.tally.lock().unwrap_or_else(PoisonError::into_inner));
-        if is_last && ring.is_empty() {
-            break;
-        }
-        if fill == 0 {
+        if taken == 0 {
+            if is_last {
+                break;
+            }
             std::thread::sleep(PAUSE);
         }
     }

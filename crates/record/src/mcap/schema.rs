@@ -17,20 +17,55 @@ pub(crate) const CYCLE: &str = "pkm_msgs/msg/Cycle";
 /// Type name of one step of a controller.
 pub(crate) const CONTROL: &str = "pkm_msgs/msg/Control";
 
-/// Definition of [`CYCLE`].
-pub(crate) const CYCLE_TEXT: &str = "\
-# One period of a control loop. The metadata record pkm says what the bits of flags mean.
+/// Definition of [`CYCLE`], up to the codes.
+pub(crate) const CYCLE_HEAD: &str = "\
+# One period of a control loop. Clocks are the monotonic one of the loop [ns]; header.stamp is the time of day.
 std_msgs/Header header
-# Number of the period, skipped ones included.
-uint64 number
-# The monotonic clock of the loop at the sample [ns].
-uint64 monotonic_ns
-uint32 flags
+# Number of the period on the loop's grid; periods that were skipped leave a gap.
+uint64 cycle
+# When it was to begin, when the loop woke, had read the state, had computed the command, had handed it over.
+uint64 planned_ns
+uint64 woken_ns
+uint64 read_ns
+uint64 computed_ns
+uint64 done_ns
 # Periods that were skipped before this one.
-uint32 skipped
-# How late the loop woke up, and how long it computed [ns].
-uint64 late_ns
-uint64 compute_ns
+uint64 skipped
+# The state that was answered: its number, when it was taken, and which command it says was accepted last.
+uint64 state_sequence
+uint64 state_stamp_ns
+uint64 state_command_sequence
+# The command: its number, and until when it holds.
+uint64 command_sequence
+uint64 command_valid_until_ns
+# Time since the last period as controllers saw it, and time into the motion that is played [s].
+float64 dt
+float64 motion_time
+# What the last transition was about, in the unit of its cause.
+float64 value
+float64 limit
+# Codes: what the loop does, why, and at which axis or component.
+uint32 phase
+uint32 cause
+uint32 place
+uint32 flags
+# Bit i: a limit outside the controller changed the command of drive i; limit i of the controller's own acted.
+uint32 clipped
+uint32 limited
+# Mode of the command; status and drive faults of the state.
+uint32 mode
+uint32 status
+uint32 drive_fault
+# Efforts that the model asks for, and those that were asked of the drives before limits [N | N m].
+float64[] tau_ff
+float64[] tau_cmd
+# Measured and wanted wrench, force first [N, N m].
+float64[] wrench
+float64[] wrench_ref
+";
+
+/// Definition of [`CYCLE`], behind the codes.
+pub(crate) const CYCLE_TAIL: &str = "\
 ================================================================================
 MSG: std_msgs/Header
 builtin_interfaces/Time stamp
