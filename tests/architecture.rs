@@ -16,7 +16,7 @@ fn root() -> PathBuf {
 // ---- arrows between crates
 
 /// Which workspace crates a crate may use. `None`: any, because nothing uses it.
-const ARROWS: [(&str, Option<&[&str]>); 16] = [
+const ARROWS: [(&str, Option<&[&str]>); 17] = [
     ("pkm-hal", Some(&[])),
     ("pkm-dyn", Some(&[])),
     ("pkm-robots", Some(&[])),
@@ -27,6 +27,7 @@ const ARROWS: [(&str, Option<&[&str]>); 16] = [
     // Of ident only the type of a recording: the twin writes what a robot would have recorded.
     ("pkm-sim", Some(&["pkm-dyn", "pkm-hal", "pkm-ctrl", "pkm-ident"])),
     ("pkm-record", Some(&["pkm-ident", "pkm-hal"])),
+    ("pkm-live", Some(&["pkm-record", "pkm-hal"])),
     ("pkm-report", Some(&["pkm-dyn", "pkm-ident", "pkm-diagnose"])),
     ("pkm-papers", Some(&["pkm-dyn", "pkm-robots", "pkm-ctrl", "pkm-ident", "pkm-sim"])),
     ("xtask", Some(&[])),

@@ -85,14 +85,26 @@ impl Format {
 /// Says in one line what is wrong where. A damaged MCAP file is an error unless `options.recover` is set.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, ReadError> {
     let file = path.display().to_string();
-    let mut source = open(path, &file)?;
+    read_source(&file, open(path, &file)?, options)
+}
+
+/// As [`read`] from memory; `name` says what kind of file it is, and errors call it so.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_bytes(name: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Recording, ReadError> {
+    let file = name.display().to_string();
+    read_source(&file, in_memory(name, &file, bytes)?, options)
+}
+
+fn read_source(file: &str, mut source: Source<'_>, options: &ReadOptions) -> Result<Recording, ReadError> {
     // Content before extension: an MCAP file under another name would be reported as a broken table.
     match source.format {
-        Format::Mcap => mcap::read(&file, source.reader, source.length, options),
+        Format::Mcap => mcap::read(file, source.reader, source.length, options),
         Format::Csv => {
             let mut bytes = Vec::new();
-            source.reader.read_to_end(&mut bytes).map_err(|e| io_error(&file, &e))?;
-            csv::parse(&file, &bytes)
+            source.reader.read_to_end(&mut bytes).map_err(|e| io_error(file, &e))?;
+            csv::parse(file, &bytes)
         }
     }
 }
@@ -103,9 +115,21 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, ReadError> 
 /// As [`read`].
 pub fn read_attachments(path: &Path, options: &ReadOptions) -> Result<Attachments, ReadError> {
     let file = path.display().to_string();
-    let source = open(path, &file)?;
+    attachments_of(&file, open(path, &file)?, options)
+}
+
+/// As [`read_attachments`] from memory.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_attachments_bytes(name: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Attachments, ReadError> {
+    let file = name.display().to_string();
+    attachments_of(&file, in_memory(name, &file, bytes)?, options)
+}
+
+fn attachments_of(file: &str, source: Source<'_>, options: &ReadOptions) -> Result<Attachments, ReadError> {
     match source.format {
-        Format::Mcap => mcap::read_attachments(&file, source.reader, source.length, options),
+        Format::Mcap => mcap::read_attachments(file, source.reader, source.length, options),
         Format::Csv => Ok(Attachments::default()),
     }
 }
@@ -116,9 +140,26 @@ pub fn read_attachments(path: &Path, options: &ReadOptions) -> Result<Attachment
 /// As [`read`].
 pub fn read_controls(path: &Path, options: &ReadOptions, each: &mut dyn FnMut(ControlStep)) -> Result<(), ReadError> {
     let file = path.display().to_string();
-    let source = open(path, &file)?;
+    controls_of(&file, open(path, &file)?, options, each)
+}
+
+/// As [`read_controls`] from memory.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_controls_bytes(
+    name: &Path,
+    bytes: &[u8],
+    options: &ReadOptions,
+    each: &mut dyn FnMut(ControlStep),
+) -> Result<(), ReadError> {
+    let file = name.display().to_string();
+    controls_of(&file, in_memory(name, &file, bytes)?, options, each)
+}
+
+fn controls_of(file: &str, source: Source<'_>, options: &ReadOptions, each: &mut dyn FnMut(ControlStep)) -> Result<(), ReadError> {
     match source.format {
-        Format::Mcap => mcap::read_controls(&file, source.reader, source.length, options, each),
+        Format::Mcap => mcap::read_controls(file, source.reader, source.length, options, each),
         Format::Csv => Ok(()),
     }
 }
@@ -161,17 +202,24 @@ pub fn write(path: &Path, recording: &Recording, attachments: &Attachments) -> R
     Ok(())
 }
 
-struct Source {
-    reader: std::io::Chain<std::io::Cursor<Vec<u8>>, File>,
+struct Source<'a> {
+    reader: Box<dyn Read + 'a>,
     length: u64,
     format: Format,
+}
+
+/// A file that is in memory already.
+fn in_memory<'a>(name: &Path, file: &str, bytes: &'a [u8]) -> Result<Source<'a>, ReadError> {
+    let named = Format::of(name).ok_or_else(|| ReadError::UnknownFormat { file: file.to_string() })?;
+    let format = if bytes.starts_with(mcap::MAGIC) { Format::Mcap } else { named };
+    Ok(Source { reader: Box::new(bytes), length: bytes.len() as u64, format })
 }
 
 fn io_error(file: &str, error: &std::io::Error) -> ReadError {
     ReadError::Io { file: file.to_string(), detail: error.to_string() }
 }
 
-fn open(path: &Path, file: &str) -> Result<Source, ReadError> {
+fn open(path: &Path, file: &str) -> Result<Source<'static>, ReadError> {
     let mut format = Format::of(path).ok_or_else(|| ReadError::UnknownFormat { file: file.to_string() })?;
     let io = |e: std::io::Error| io_error(file, &e);
     let mut handle = File::open(path).map_err(io)?;
@@ -181,7 +229,7 @@ fn open(path: &Path, file: &str) -> Result<Source, ReadError> {
     if start == mcap::MAGIC {
         format = Format::Mcap;
     }
-    Ok(Source { reader: std::io::Cursor::new(start).chain(handle), length, format })
+    Ok(Source { reader: Box::new(std::io::Cursor::new(start).chain(handle)), length, format })
 }
 
 /// What no format can carry, found before a byte is written.

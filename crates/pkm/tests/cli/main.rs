@@ -4,6 +4,7 @@
 mod bad_input;
 mod bags;
 mod controllers;
+mod doctor;
 mod excite;
 mod export;
 mod fixture;

@@ -5,23 +5,24 @@ use alloc::sync::Arc;
 use std::io::{self, BufWriter, Write};
 use std::sync::{Mutex, PoisonError};
 
-use ::mcap::records::Metadata;
+use ::mcap::records::{MessageHeader, Metadata};
 use ::mcap::write::NoSeek;
 use ::mcap::{Compression, McapError, WriteOptions, Writer};
 use pkm_hal::cycle::CycleRecord;
 
-use super::messages::Channels;
+use super::messages::Messages;
 use super::store::Stored;
 use super::Layout;
-use crate::mcap::{RECORD, cdr};
+use crate::mcap::{RECORD, schema};
 use crate::meta;
 
 /// A file and what it is made of.
 pub(super) struct CycleFile {
     writer: Writer<NoSeek<BufWriter<Shared>>>,
     shared: Shared,
-    channels: Channels,
-    message: cdr::Writer,
+    messages: Messages,
+    /// Channels of the topics.
+    channels: Vec<u16>,
     /// Periods that are not yet on their way to the system.
     pub(super) pending: u64,
     /// Bytes of them, before compression.
@@ -61,16 +62,28 @@ impl CycleFile {
             let (name, media_type) = (file.name.clone(), file.media_type.clone());
             writer.attach(&::mcap::Attachment { log_time: 0, create_time: 0, name, media_type, data: file.bytes.as_slice().into() })?;
         }
-        let channels = Channels::declare(&mut writer, layout)?;
+        let messages = Messages::new(layout);
+        let mut channels = Vec::new();
+        for topic in messages.topics() {
+            let id = writer.add_schema(topic.schema, schema::ENCODING, topic.definition.as_bytes())?;
+            channels.push(writer.add_channel(id, &topic.name, schema::MESSAGES, &BTreeMap::new())?);
+        }
         writer.flush()?;
-        Ok(Self { writer, shared, channels, message: cdr::Writer::default(), pending: 0, pending_bytes: 0 })
+        Ok(Self { writer, shared, messages, channels, pending: 0, pending_bytes: 0 })
     }
 
     /// Appends a period to the chunk that is open.
-    pub(super) fn push(&mut self, layout: &Layout, record: &CycleRecord) -> Result<(), McapError> {
-        self.pending += 1;
-        self.pending_bytes += self.channels.write(&mut self.writer, &mut self.message, layout, record)?;
-        Ok(())
+    pub(super) fn push(&mut self, record: &CycleRecord) -> Result<(), McapError> {
+        let Self { writer, messages, channels, pending, pending_bytes, .. } = self;
+        *pending += 1;
+        messages.encode(record, &mut |message| {
+            *pending_bytes += message.data.len() as u64 + OVERHEAD;
+            let channel_id = channels.get(message.topic).copied().unwrap_or_default();
+            // The sequence counts periods as far as 32 bits go.
+            let sequence = u32::try_from(message.cycle & u64::from(u32::MAX)).unwrap_or(0);
+            let time = message.time_ns;
+            writer.write_to_known_channel(&MessageHeader { channel_id, sequence, log_time: time, publish_time: time }, message.data)
+        })
     }
 
     /// Ends the chunk and hands it to the system; how many periods that were.
@@ -92,6 +105,9 @@ impl CycleFile {
         Ok(last)
     }
 }
+
+/// Bytes of a message record besides its data: opcode, length, channel, sequence, two times.
+const OVERHEAD: u64 = 31;
 
 /// The metadata record of a file.
 fn record(layout: &Layout, keys: &BTreeMap<String, String>) -> BTreeMap<String, String> {

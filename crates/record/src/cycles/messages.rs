@@ -1,10 +1,6 @@
 //! A period as messages: which topics a layout has, and what is on each.
 
 use alloc::collections::BTreeMap;
-use std::io::{Seek, Write};
-
-use ::mcap::records::MessageHeader;
-use ::mcap::{McapError, Writer};
 
 use pkm_hal::cycle::{Cause, CycleRecord, Phase, flags};
 use pkm_hal::{MAX_AXES, Signal, StateFrame};
@@ -13,19 +9,51 @@ use super::Layout;
 use crate::mcap::columns::{self, Kind, Slot};
 use crate::mcap::{cdr, schema};
 
-/// Channels of a file.
-pub(super) struct Channels {
-    states: u16,
-    references: u16,
-    accelerations: u16,
-    commands: u16,
-    cycles: u16,
-    sensors: Vec<SensorTopic>,
+/// A topic of a recording.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Topic {
+    /// Its name.
+    pub name: String,
+    /// Type of its messages.
+    pub schema: &'static str,
+    /// Definition of that type in the language of ROS 2 (`ros2msg`); messages are CDR.
+    pub definition: String,
 }
 
+/// Makes the messages of periods; the same for files and for whoever looks on.
+#[derive(Debug)]
+pub struct Messages {
+    joints: Vec<String>,
+    epoch_ns: u64,
+    topics: Vec<Topic>,
+    sensors: Vec<SensorTopic>,
+    scratch: cdr::Writer,
+}
+
+/// A message of a period.
+#[derive(Debug, Clone, Copy)]
+pub struct Message<'a> {
+    /// Place of its topic in [`Messages::topics`].
+    pub topic: usize,
+    /// Time of day of the sample `[ns]`.
+    pub time_ns: u64,
+    /// Number of the period.
+    pub cycle: u64,
+    /// The message.
+    pub data: &'a [u8],
+}
+
+/// Topics that every layout has, in this order.
+const STATES: usize = 0;
+const REFERENCES: usize = 1;
+const ACCELERATIONS: usize = 2;
+const COMMANDS: usize = 3;
+const CYCLES: usize = 4;
+const SENSORS: usize = 5;
+
 /// A topic of further sensors.
+#[derive(Debug)]
 struct SensorTopic {
-    channel: u16,
     /// Names of joints; empty for wrenches and poses.
     names: Vec<String>,
     frame: String,
@@ -42,85 +70,82 @@ struct Draft<'a> {
     fields: [Vec<Option<usize>>; 3],
 }
 
-impl Channels {
-    /// Declares every topic of the layout.
-    pub(super) fn declare<W: Write + Seek>(writer: &mut Writer<W>, layout: &Layout) -> Result<Self, McapError> {
-        let joints = |writer: &mut Writer<W>, topic: &str| channel(writer, topic, (schema::JOINT_STATE, schema::JOINT_STATE_TEXT));
-        let [states, references, accelerations, commands] =
-            [columns::STATES, columns::REFERENCES, columns::REFERENCE_ACCELERATIONS, columns::COMMANDS].map(|t| joints(writer, t));
-        let cycles = channel(writer, columns::CYCLES, (schema::CYCLE, &definition()))?;
+impl Messages {
+    /// For a layout.
+    #[must_use]
+    pub fn new(layout: &Layout) -> Self {
+        let topic = |name: &str, schema: &'static str, definition: &str| Topic {
+            name: name.to_string(),
+            schema,
+            definition: definition.to_string(),
+        };
+        let joints = |name: &str| topic(name, schema::JOINT_STATE, schema::JOINT_STATE_TEXT);
+        let mut topics =
+            [columns::STATES, columns::REFERENCES, columns::REFERENCE_ACCELERATIONS, columns::COMMANDS].map(joints).to_vec();
+        topics.push(topic(columns::CYCLES, schema::CYCLE, &definition()));
         let mut sensors = Vec::new();
-        for (topic, draft) in drafts(layout) {
-            let types = match draft.kind {
-                Some(Kind::Wrench) => (schema::WRENCH, schema::WRENCH_TEXT),
-                Some(Kind::Pose) => (schema::POSE, schema::POSE_TEXT),
-                _ => (schema::JOINT_STATE, schema::JOINT_STATE_TEXT),
-            };
+        for (name, draft) in drafts(layout) {
+            topics.push(match draft.kind {
+                Some(Kind::Wrench) => topic(&name, schema::WRENCH, schema::WRENCH_TEXT),
+                Some(Kind::Pose) => topic(&name, schema::POSE, schema::POSE_TEXT),
+                _ => joints(&name),
+            });
             let names = draft.names.iter().map(ToString::to_string).collect();
-            let frame = draft.frame.to_string();
-            sensors.push(SensorTopic { channel: channel(writer, &topic, types)?, names, frame, fields: draft.fields });
+            sensors.push(SensorTopic { names, frame: draft.frame.to_string(), fields: draft.fields });
         }
-        let (states, references, accelerations, commands) = (states?, references?, accelerations?, commands?);
-        Ok(Self { states, references, accelerations, commands, cycles, sensors })
+        Self { joints: layout.joints.clone(), epoch_ns: layout.epoch_ns, topics, sensors, scratch: cdr::Writer::default() }
     }
 
-    /// Writes a period; `message` is scratch. How many bytes it came to.
-    pub(super) fn write<W: Write + Seek>(
-        &self,
-        writer: &mut Writer<W>,
-        message: &mut cdr::Writer,
-        layout: &Layout,
-        record: &CycleRecord,
-    ) -> Result<u64, McapError> {
+    /// The topics.
+    #[must_use]
+    pub fn topics(&self) -> &[Topic] {
+        &self.topics
+    }
+
+    /// Hands the messages of a period to `send`, until one is refused.
+    ///
+    /// # Errors
+    /// What `send` says.
+    pub fn encode<E>(&mut self, record: &CycleRecord, send: &mut dyn FnMut(Message<'_>) -> Result<(), E>) -> Result<(), E> {
+        let Self { joints: names, sensors, scratch: message, epoch_ns, .. } = self;
         let state = &record.state;
         // What answers a sample has the sample's time; a period without one has its own.
         let is_new = record.flags & flags::NEW_STATE != 0;
-        let time = layout.epoch_ns.saturating_add(if is_new { state.stamp_ns } else { record.read_ns });
-        let stamp = i64::try_from(time).unwrap_or(i64::MAX);
-        // The sequence counts periods as far as 32 bits go.
-        let sequence = u32::try_from(record.cycle & u64::from(u32::MAX)).unwrap_or(0);
-        let mut bytes = 0;
-        let mut send = |channel_id: u16, message: &cdr::Writer| {
-            bytes += message.finish().len() as u64 + OVERHEAD;
-            let header = MessageHeader { channel_id, sequence, log_time: time, publish_time: time };
-            writer.write_to_known_channel(&header, message.finish())
-        };
-        let n = layout.joints.len();
-        let mut joints = |channel: u16, lists: [Option<&dyn Fn(usize) -> f64>; 3]| {
+        let time_ns = epoch_ns.saturating_add(if is_new { state.stamp_ns } else { record.read_ns });
+        let stamp = i64::try_from(time_ns).unwrap_or(i64::MAX);
+        let mut pass = |topic: usize, message: &cdr::Writer| send(Message { topic, time_ns, cycle: record.cycle, data: message.finish() });
+        let n = names.len();
+        let mut joints = |topic: usize, message: &mut cdr::Writer, lists: [Option<&dyn Fn(usize) -> f64>; 3]| {
             message.start(stamp, "");
             message.count(n);
-            layout.joints.iter().for_each(|name| message.text(name));
+            names.iter().for_each(|name| message.text(name));
             for list in lists {
                 message.count(if list.is_some() { n } else { 0 });
                 list.iter().for_each(|value| (0..n).for_each(|i| message.f64(value(i))));
             }
-            send(channel, message)
+            pass(topic, message)
         };
         let at = |list: &[f64; MAX_AXES], i: usize| list.get(i).copied().unwrap_or(f64::NAN);
         if is_new {
             let measured = |signal: Signal, i: usize| state.measured(signal, i).unwrap_or(f64::NAN);
             let [q, v, tau] = [Signal::Position, Signal::Velocity, Signal::Effort].map(|signal| move |i: usize| measured(signal, i));
-            joints(self.states, [Some(&q), Some(&v), Some(&tau)])?;
+            joints(STATES, message, [Some(&q), Some(&v), Some(&tau)])?;
         }
-        joints(self.references, [Some(&|i| at(&record.q_ref, i)), Some(&|i| at(&record.v_ref, i)), None])?;
-        joints(self.accelerations, [Some(&|i| at(&record.a_ref, i)), None, None])?;
+        joints(REFERENCES, message, [Some(&|i| at(&record.q_ref, i)), Some(&|i| at(&record.v_ref, i)), None])?;
+        joints(ACCELERATIONS, message, [Some(&|i| at(&record.a_ref, i)), None, None])?;
         if record.flags & flags::COMMANDED != 0 {
-            joints(self.commands, [None, None, Some(&|i| at(&record.tau_sent, i))])?;
+            joints(COMMANDS, message, [None, None, Some(&|i| at(&record.tau_sent, i))])?;
         }
         if is_new {
-            for topic in &self.sensors {
-                topic.encode(message, stamp, state);
-                send(topic.channel, message)?;
+            for (k, sensor) in sensors.iter().enumerate() {
+                sensor.encode(message, stamp, state);
+                pass(SENSORS + k, message)?;
             }
         }
         encode(message, stamp, record, n);
-        send(self.cycles, message)?;
-        Ok(bytes)
+        pass(CYCLES, message)
     }
 }
-
-/// Bytes of a message record besides its data: opcode, length, channel, sequence, two times.
-const OVERHEAD: u64 = 31;
 
 /// A record in the order of its definition ([`definition`]).
 fn encode(message: &mut cdr::Writer, stamp_ns: i64, record: &CycleRecord, n: usize) {
@@ -236,9 +261,4 @@ fn drafts(layout: &Layout) -> BTreeMap<String, Draft<'_>> {
         }
     }
     out
-}
-
-fn channel<W: Write + Seek>(writer: &mut Writer<W>, topic: &str, (name, text): (&str, &str)) -> Result<u16, McapError> {
-    let id = writer.add_schema(name, schema::ENCODING, text.as_bytes())?;
-    writer.add_channel(id, topic, schema::MESSAGES, &BTreeMap::new())
 }

@@ -15,6 +15,7 @@ mod thread;
 
 pub(crate) use control::encode as encode_control;
 pub use control::{Control, ControlStep};
+pub use messages::{Message, Messages, Topic};
 pub use recorder::{Options, Recorder, Tally};
 pub use store::{Folder, Store, Stored};
 pub use thread::{Handle, Progress, Tap, spawn};

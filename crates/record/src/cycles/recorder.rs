@@ -140,7 +140,7 @@ impl Recorder {
 
     /// Takes a period.
     pub fn push(&mut self, record: &CycleRecord, now_ns: u64) {
-        match self.file.as_mut().map(|file| file.push(&self.layout, record)) {
+        match self.file.as_mut().map(|file| file.push(record)) {
             None => self.tally.lost += 1,
             Some(Ok(())) => {}
             Some(Err(e)) => self.fail(&e.to_string(), now_ns),
@@ -323,7 +323,7 @@ impl Recorder {
         let begun = self.begin_file("_blackbox", 1, &keys);
         let written = begun.map_err(|(_, e)| e).and_then(|(_, _, mut file)| {
             for record in &self.kept {
-                file.push(&self.layout, record)?;
+                file.push(record)?;
             }
             file.finish()?;
             Ok(file.sync()?)
