@@ -1,17 +1,21 @@
 //! The `pkm` command: one verb per file. Everything it computes is in the libraries; here are arguments, files and words.
 //!
-//! Exit codes: 0 done, 1 something was found that the caller asked to be told about, 2 bad usage or bad input, 70 internal error.
+//! Exit codes: 0 done, 1 something was found that the caller asked to be told about, 2 bad usage or bad input, 70 internal error; those of
+//! a daemon are in `daemon.rs`.
 
 mod check;
 mod convert;
+mod daemon;
 mod demo;
 mod diagnose;
 mod diagnosis;
+mod driver_sim;
 mod effects;
 mod excite;
 mod export;
 mod identify;
 mod mu;
+mod order;
 mod out;
 mod outputs;
 mod progress;
@@ -20,6 +24,7 @@ mod reproduce;
 mod robot_file;
 mod seal;
 mod simulate;
+mod status;
 mod trial_null;
 mod twin;
 mod workspace;
@@ -64,6 +69,12 @@ Find missing physics:
 Analyse a control loop:
   mu          Bound the structured singular value: how much uncertainty a loop survives
 
+Run a robot:
+  daemon      Run a controller on a robot in real time
+  order       Tell a running daemon what to do
+  status      Show what a running daemon does and how late it is
+  driver-sim  Stand in for a robot's driver: simulated, in a process of its own
+
 See it work:
   reproduce   Do a paper's experiments again and compare its numbers with ours
   demo        Conceal an effect in a simulated robot and find it again; needs no files
@@ -80,6 +91,7 @@ Examples:
   pkm convert A.csv A.mcap --robot robot.toml
   pkm effects friction_stribeck
   pkm export prs3 --format mjcf --out prs3.xml
+  pkm daemon daemon.toml
 
 `pkm VERB --help` explains a verb and its flags. Shipped robots can be given by name wherever a ROBOT is asked for.
 ";
@@ -122,6 +134,14 @@ enum Verb {
     TrialNull(trial_null::Args),
     /// Bound the structured singular value: how much uncertainty a loop survives.
     Mu(mu::Args),
+    /// Run a controller on a robot in real time.
+    Daemon(daemon::Args),
+    /// Tell a running daemon what to do.
+    Order(order::Args),
+    /// Show what a running daemon does and how late it is.
+    Status(status::Args),
+    /// Stand in for a robot's driver: simulated, in a process of its own.
+    DriverSim(driver_sim::Args),
     /// Do a paper's experiments again and compare its numbers with ours.
     Reproduce(reproduce::Args),
     /// Conceal an effect in a simulated robot and find it again.
@@ -148,6 +168,10 @@ fn main() -> ExitCode {
         Verb::Diagnose(args) => diagnose::run(args),
         Verb::TrialNull(args) => trial_null::run(args),
         Verb::Mu(args) => mu::run(args),
+        Verb::Daemon(args) => daemon::run(args),
+        Verb::Order(args) => order::run(args),
+        Verb::Status(args) => status::run(args),
+        Verb::DriverSim(args) => driver_sim::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Demo(args) => demo::run(args),
     }));

@@ -52,12 +52,11 @@ impl fmt::Debug for SharedDriver {
 }
 
 impl SharedDriver {
-    /// A driver that meets its loop in `place`. It need not run yet.
+    /// A driver that meets its loop in `place`, where it holds the `lock` of [`Role::Driver`]. The loop need not run yet.
     ///
     /// # Errors
-    /// Another driver is there; the service for states cannot be made.
-    pub fn try_new(place: &Place) -> Result<Self, SharedError> {
-        let lock = place.lock(Role::Driver)?;
+    /// The service for states cannot be made.
+    pub fn try_new(place: &Place, lock: Lock) -> Result<Self, SharedError> {
         let mut node = node(place)?;
         let (states, mended) = own(&mut node, place, Role::Driver, &lock, StateFrame::LAYOUT)?;
         let mut driver = Self {

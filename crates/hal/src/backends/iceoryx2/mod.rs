@@ -16,8 +16,9 @@ mod robot;
 mod service;
 
 pub use driver::{Served, SharedDriver};
-pub use place::{Place, Role, SharedError};
+pub use place::{Lock, Place, Role, SharedError};
 pub use robot::{Received, SharedRobot};
+pub use service::Mended;
 
 use ::iceoryx2::prelude::{ZeroCopySend, set_log_level};
 

@@ -49,12 +49,12 @@ impl fmt::Debug for SharedRobot {
 }
 
 impl SharedRobot {
-    /// The robot whose driver meets this side in `place`, with `n_axes` axes and `n_sensors` further sensors. It need not run yet.
+    /// The robot whose driver meets this side in `place`, where this side holds the `lock` of [`Role::Daemon`], with `n_axes` axes and
+    /// `n_sensors` further sensors. It need not run yet.
     ///
     /// # Errors
-    /// Another process commands from there; the service for commands cannot be made.
-    pub fn try_new(place: &Place, n_axes: usize, n_sensors: usize) -> Result<Self, SharedError> {
-        let lock = place.lock(Role::Daemon)?;
+    /// The service for commands cannot be made.
+    pub fn try_new(place: &Place, lock: Lock, n_axes: usize, n_sensors: usize) -> Result<Self, SharedError> {
         let mut node = node(place)?;
         let (commands, mended) = own(&mut node, place, Role::Daemon, &lock, CommandFrame::LAYOUT)?;
         let mut robot = Self {
