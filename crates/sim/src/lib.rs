@@ -27,6 +27,7 @@ pub mod hidden;
 pub mod laws;
 pub mod limb;
 mod nominal_motion;
+pub mod paced;
 pub mod plant;
 pub mod playback;
 mod random;
@@ -51,6 +52,7 @@ pub use equipment::{DriveEquipment, Equipment, LimbEquipment, LimbPlace};
 pub use error::SimError;
 pub use hidden::{describe, draw};
 pub use laws::ForeignLaw;
+pub use paced::Paced;
 pub use plant::{Plant, ReducedPlant};
 pub use playback::Playback;
 #[cfg(feature = "rapier")]

@@ -98,11 +98,11 @@ impl CycleFile {
         self.shared.0.lock().unwrap_or_else(PoisonError::into_inner).sync()
     }
 
-    /// Ends the file with its summary; how many periods its last chunk had.
-    pub(super) fn finish(&mut self) -> Result<u64, McapError> {
-        let last = self.flush()?;
+    /// Ends the file with its summary.
+    pub(super) fn finish(&mut self) -> Result<(), McapError> {
+        self.flush()?;
         self.writer.finish()?;
-        Ok(last)
+        Ok(())
     }
 }
 

@@ -122,7 +122,7 @@ impl Recorder {
         recorder.layout.check(&recorder.store.display(&recorder.options.stem))?;
         match recorder.open(now_ns) {
             Ok(()) => Ok(recorder),
-            Err((file, e)) => Err(WriteError::Io { file, detail: e.to_string() }),
+            Err((file, e)) => Err(WriteError::Io { file, detail: told(&e) }),
         }
     }
 
@@ -143,7 +143,7 @@ impl Recorder {
         match self.file.as_mut().map(|file| file.push(record)) {
             None => self.tally.lost += 1,
             Some(Ok(())) => {}
-            Some(Err(e)) => self.fail(&e.to_string(), now_ns),
+            Some(Err(e)) => self.fail(&told(&e), now_ns),
         }
         self.keep(record);
         if self.file.as_ref().is_some_and(|file| file.pending_bytes >= self.options.flush_bytes) {
@@ -157,7 +157,7 @@ impl Recorder {
             if now_ns >= self.retry.0
                 && let Err((_, e)) = self.open(now_ns)
             {
-                self.refused(&e.to_string(), now_ns);
+                self.refused(&told(&e), now_ns);
             }
             return;
         }
@@ -174,7 +174,7 @@ impl Recorder {
         if self.file.is_some() && (is_old || self.file_bytes >= self.options.rotate_bytes) {
             self.close(now_ns);
             if let Err((_, e)) = self.open(now_ns) {
-                self.refused(&e.to_string(), now_ns);
+                self.refused(&told(&e), now_ns);
             }
         }
     }
@@ -214,17 +214,17 @@ impl Recorder {
     /// Begins the next file whose name is free.
     fn open(&mut self, now_ns: u64) -> Result<(), (String, McapError)> {
         let keys = BTreeMap::from([("file".to_string(), (self.tally.files + 1).to_string())]);
-        let (name, index, file) = self.begin_file("", self.index + 1, &keys)?;
+        let (index, file) = self.begin_file("", self.index + 1, &keys)?;
         self.index = index;
         self.file = Some(file);
         (self.opened_ns, self.flushed_ns, self.file_bytes) = (now_ns, now_ns, 0);
         self.tally.files += 1;
         self.tally.is_recording = true;
-        let _ = name;
         Ok(())
     }
 
-    fn begin_file(&mut self, kind: &str, from: u32, keys: &BTreeMap<String, String>) -> Result<(String, u32, CycleFile), (String, McapError)> {
+    /// A file of the first free name from a number on; a failure comes with the name.
+    fn begin_file(&mut self, kind: &str, from: u32, keys: &BTreeMap<String, String>) -> Result<(u32, CycleFile), (String, McapError)> {
         let mut last = String::new();
         for index in from..from.saturating_add(NAMES) {
             let name = format!("{}{kind}_{index:04}.mcap", self.options.stem);
@@ -234,7 +234,7 @@ impl Recorder {
                 Err(e) => return Err((shown, e.into())),
                 Ok(stored) => {
                     return match CycleFile::begin(stored, &self.layout, keys) {
-                        Ok(file) => Ok((name, index, file)),
+                        Ok(file) => Ok((index, file)),
                         Err(e) => {
                             self.store.discard(&name);
                             Err((shown, e))
@@ -260,22 +260,17 @@ impl Recorder {
                     self.tally.error = None;
                 }
             }
-            Err(e) => self.fail(&e.to_string(), now_ns),
+            Err(e) => self.fail(&told(&e), now_ns),
         }
     }
 
     fn close(&mut self, now_ns: u64) {
+        self.flush(now_ns);
         let Some(file) = self.file.as_mut() else { return };
-        let outcome = file.finish().and_then(|periods| {
-            file.sync()?;
-            Ok(periods)
-        });
-        match outcome {
-            Ok(periods) => {
-                self.tally.written += periods;
-                self.file = None;
-            }
-            Err(e) => self.fail(&e.to_string(), now_ns),
+        let finished = file.finish().and_then(|()| Ok(file.sync()?));
+        match finished {
+            Ok(()) => self.file = None,
+            Err(e) => self.fail(&told(&e), now_ns),
         }
     }
 
@@ -321,7 +316,7 @@ impl Recorder {
         let Some(pending) = self.pending.take() else { return };
         let keys = BTreeMap::from([("reason".to_string(), pending.reason)]);
         let begun = self.begin_file("_blackbox", 1, &keys);
-        let written = begun.map_err(|(_, e)| e).and_then(|(_, _, mut file)| {
+        let written = begun.map_err(|(_, e)| e).and_then(|(_, mut file)| {
             for record in &self.kept {
                 file.push(record)?;
             }
@@ -330,8 +325,16 @@ impl Recorder {
         });
         match written {
             Ok(()) => self.tally.black_boxes += 1,
-            Err(e) => self.tally.error = Some(format!("black box: {e}")),
+            Err(e) => self.tally.error = Some(format!("black box: {}", told(&e))),
         }
+    }
+}
+
+/// What the disk says; the library's own word for it says nothing.
+fn told(error: &McapError) -> String {
+    match error {
+        McapError::Io(e) => e.to_string(),
+        other => other.to_string(),
     }
 }
 

@@ -50,7 +50,9 @@ impl Folder {
 
 impl Store for Folder {
     fn create(&mut self, name: &str) -> io::Result<Box<dyn Stored>> {
-        fs::create_dir_all(&self.path)?;
+        // A file of that name would look as if ours were there already.
+        let not_a_folder = |e: io::Error| if self.path.is_file() { io::ErrorKind::NotADirectory.into() } else { e };
+        fs::create_dir_all(&self.path).map_err(not_a_folder)?;
         Ok(Box::new(OpenOptions::new().write(true).create_new(true).open(self.path.join(name))?))
     }
 
