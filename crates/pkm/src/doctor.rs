@@ -34,8 +34,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "HZ", default_value_t = 1000, value_parser = clap::value_parser!(u64).range(1..=20_000))]
     rate: u64,
     /// Priority under SCHED_FIFO.
-    #[arg(long, value_name = "N", default_value_t = 80, value_parser = clap::value_parser!(i32).range(1..=98))]
-    priority: i32,
+    #[arg(long, value_name = "N", default_value_t = 80, value_parser = clap::value_parser!(u8).range(1..=98))]
+    priority: u8,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -45,12 +45,15 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     anyhow::ensure!(cfg!(target_os = "linux"), "pkm doctor looks at Linux; this is another system");
     let mut findings = facts::look(Path::new("/"));
-    findings.extend(rights::look(args.priority));
     let period_ns = 1_000_000_000 / args.rate;
+    let length = Duration::from_secs(args.seconds);
     let mut measured = Vec::new();
+    // Before rights are asked for: locked memory stays locked.
     if args.seconds > 0 {
-        let length = Duration::from_secs(args.seconds);
         measured.push(jitter::measure(length, period_ns, None));
+    }
+    findings.extend(rights::look(args.priority));
+    if args.seconds > 0 {
         measured.push(jitter::measure(length, period_ns, Some(args.priority)));
         findings.push(judged(&measured, period_ns));
     }

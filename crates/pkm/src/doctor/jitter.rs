@@ -3,12 +3,12 @@
 use core::time::Duration;
 
 use hdrhistogram::Histogram;
+use pkm_daemon::realtime::{Awake, Policy, claim};
 use pkm_hal::cycle::ring::{RingSink, RingSource, ring};
 use pkm_hal::cycle::{CycleRecord, CycleSink, CycleSource};
 use pkm_hal::{Clock, MAX_AXES, MonotonicClock};
 use rustix::thread::{ClockId, Timespec, clock_nanosleep_absolute};
 
-use super::rights::{Rights, set_fifo};
 
 /// Largest lateness that is told apart `[ns]`: ten seconds.
 const LARGEST_NS: u64 = 10_000_000_000;
@@ -36,16 +36,15 @@ pub(super) struct Measured {
 }
 
 /// Runs both loops for `length`, under `SCHED_FIFO` where a priority is given and it is granted.
-pub(super) fn measure(length: Duration, period_ns: u64, priority: Option<i32>) -> Measured {
-    let process = priority.map(|_| Rights::of_process());
+pub(super) fn measure(length: Duration, period_ns: u64, priority: Option<u8>) -> Measured {
     let (sink, source) = ring(4096);
     let drain = std::thread::spawn(move || empty(source));
     let bare = std::thread::spawn(move || {
-        let is_granted = priority.is_some_and(|priority| set_fifo(priority).is_ok());
+        let (is_granted, _awake) = ask(priority);
         (wake(length, period_ns, &mut |_| {}), is_granted)
     });
     let own = std::thread::spawn(move || {
-        let is_granted = priority.is_some_and(|priority| set_fifo(priority).is_ok());
+        let (is_granted, _awake) = ask(priority);
         let mut period = Period { sink, record: CycleRecord::new(MAX_AXES, 0) };
         (wake(length, period_ns, &mut |late_ns| period.pass(late_ns)), is_granted)
     });
@@ -53,13 +52,20 @@ pub(super) fn measure(length: Duration, period_ns: u64, priority: Option<i32>) -
     let (bare, is_granted) = bare.join().unwrap_or_else(|e| std::panic::resume_unwind(e));
     let (own, _) = own.join().unwrap_or_else(|e| std::panic::resume_unwind(e));
     let _ = drain.join();
-    drop(process);
     let rights = match (priority, is_granted) {
         (None, _) => "ordinary rights",
         (Some(_), true) => "SCHED_FIFO",
         (Some(_), false) => "SCHED_FIFO refused",
     };
     Measured { rights, is_granted, bare, own }
+}
+
+/// Asks for what a control loop asks for; the thread keeps it until it ends.
+fn ask(priority: Option<u8>) -> (bool, Option<Awake>) {
+    match priority.map(|priority| claim(Policy::Prefer, None, priority)) {
+        Some(Ok((grants, awake))) => (grants.fifo_priority > 0, Some(awake)),
+        _ => (false, None),
+    }
 }
 
 /// What pkm does in a period besides control.

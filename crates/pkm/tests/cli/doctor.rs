@@ -12,7 +12,7 @@ fn a_machine_is_looked_at_and_measured() {
     assert_eq!((&told["schema"], &told["period_us"]), (&"pkm.doctor/1".into(), &2000.0.into()));
     let findings = told["findings"].as_array().unwrap();
     let of = |what: &str| findings.iter().find(|f| f["what"] == what).unwrap_or_else(|| panic!("no {what} in {told}"));
-    for what in ["kernel", "preemption", "scheduling", "locked memory", "frequency governor", "isolated cores", "clock source", "wake-ups"] {
+    for what in ["kernel", "preemption", "scheduling", "memory", "frequency governor", "isolated cores", "clock source", "wake-ups"] {
         of(what);
     }
     // What the kernel itself says.
