@@ -3,8 +3,6 @@
 mod course;
 mod orders;
 mod session;
-#[cfg(test)]
-mod tests;
 
 use core::sync::atomic::{AtomicU64, Ordering};
 use std::sync::Arc;
