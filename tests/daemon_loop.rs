@@ -1,5 +1,6 @@
 //! The daemon's loop on a simulated robot under a scripted clock: phases, orders, bumpless changes, time that is lost.
 
+#[allow(dead_code, reason = "shared: no test uses all of it")]
 #[path = "daemon/rig.rs"]
 mod rig;
 
