@@ -22,11 +22,19 @@ const FAULT_AT: u64 = 700;
 
 const PERIOD_NS: u64 = 5_000_000;
 
-/// A robot whose status word says more than it should, from a read on.
+/// A robot whose status word says more than it should, or that is gone, from a read on.
 struct Status<B> {
     inner: B,
     reads: u64,
     bits: Option<(u64, u64, u32, u32)>,
+    /// Reads between which it is gone, for states and commands.
+    gone: core::ops::Range<u64>,
+}
+
+impl<B> Status<B> {
+    fn must_be_there(&self) -> Result<(), HalError> {
+        if self.gone.contains(&(self.reads.saturating_sub(1))) { Err(HalError::Gone { code: 0 }) } else { Ok(()) }
+    }
 }
 
 impl<B: Backend> Backend for Status<B> {
@@ -40,6 +48,7 @@ impl<B: Backend> Backend for Status<B> {
 
     fn read(&mut self) -> Result<StateFrame, HalError> {
         self.reads += 1;
+        self.must_be_there()?;
         let mut state = self.inner.read()?;
         if let Some((.., bits, drives)) = self.bits.filter(|(from, to, ..)| (*from..*to).contains(&(self.reads - 1))) {
             state.status |= bits;
@@ -50,6 +59,7 @@ impl<B: Backend> Backend for Status<B> {
     }
 
     fn write(&mut self, command: &CommandFrame) -> Result<(), HalError> {
+        self.must_be_there()?;
         self.inner.write(command)
     }
 
@@ -67,6 +77,8 @@ enum Own {
     Nothing,
     /// The status word has these bits; the second are drives at fault.
     Bits(u32, u32),
+    /// Neither states nor commands pass.
+    Gone,
     /// Every period takes so long `[ns]`.
     Slow(u64),
     /// One in so many periods takes a period and a half.
@@ -140,8 +152,8 @@ fn drive_cases() -> Vec<Case> {
         case("drive gives no more than 20 N", Fault::WeakDrive { axis: 1, most: 20.0 }, LASTING, stop, following, 60),
         case("drive reversed", Fault::ReversedDrive { axis: 2 }, LASTING, stop, following, 40),
         case("one command lost", Fault::LostCommand, 1, play, None, 0),
-        // Counted in commands: after the twelfth nobody sends any.
-        case("commands lost, lasting", Fault::LostCommand, 12, fault, Some(Cause::Tripped), 12),
+        // Counted in commands: after the eleventh nobody sends any.
+        case("commands lost, lasting", Fault::LostCommand, 11, fault, Some(Cause::Tripped), 12),
         own("a drive reports a fault", Own::Bits(0, 0b100), fault, Some(Cause::Drive), 0),
         own("emergency-stop line open", Own::Bits(status::STOPPED, 0), fault, Some(Cause::EmergencyStop), 0),
     ]
@@ -155,7 +167,7 @@ fn link_cases() -> Vec<Case> {
         case("driver of another layout", Fault::OtherLayout, LASTING, fault, Some(Cause::Layout), 0),
         case("a stranger's command accepted", Fault::OtherNonce { nonce: 77 }, LASTING, fault, Some(Cause::Foreign), 0),
         case("driver began anew", Fault::OtherNonce { nonce: 0 }, LASTING, fault, Some(Cause::Gone), 0),
-        case("driver gone", Fault::Vanish, LASTING, fault, Some(Cause::Gone), 0),
+        own("driver gone", Own::Gone, fault, Some(Cause::Gone), 0),
     ]
 }
 
@@ -230,9 +242,11 @@ impl Motion for Leaping {
 struct Outcome {
     end: Phase,
     cause: Option<Cause>,
-    /// Periods from the fault to the change of phase, and to the safe action at the robot.
+    /// Periods from the fault to the change of phase, and to the safe action at the robot; then both in time `[ns]`.
     noticed: Option<u64>,
     safe: Option<u64>,
+    noticed_ns: u64,
+    safe_ns: u64,
     /// How far a drive got from where it was wanted, and how fast, from the fault on `[m]`, `[m/s]`.
     excursion: f64,
     speed: f64,
@@ -249,7 +263,8 @@ fn begin<'c, 's>(case: &Case, script: &'s [Injection], clock: &'c ManualClock) -
     let settings = settings(&robot);
     let hal = guarded(&robot, &settings, &[0.14, 0.15, 0.16], clock);
     let bits = if let Own::Bits(bits, drives) = case.own { Some((FAULT_AT, FAULT_AT + LASTING, bits, drives)) } else { None };
-    let hal = Status { inner: FaultyHal::new(hal, script), reads: 0, bits };
+    let gone = if case.own == Own::Gone { FAULT_AT..FAULT_AT + LASTING } else { 0..0 };
+    let hal = Status { inner: FaultyHal::new(hal, script), reads: 0, bits, gone };
     let mut rig = Rig::new(hal, robot, settings, clock);
     rig.periods(3);
     rig.arm().expect("it is ready");
@@ -283,9 +298,9 @@ fn outcome(case: &Case) -> Outcome {
     let script: Vec<Injection> =
         script.into_iter().map(|i| if commands(&i) { Injection { from: i.from - 3, to: i.to - 3, ..i } } else { i }).collect();
     let mut rig = begin(case, &script, &clock);
-    let before = rig.transitions.len();
+    let (before, start_ns) = (rig.transitions.len(), rig.grid.beat().planned_ns);
     let mut out =
-        Outcome { end: Phase::Off, cause: None, noticed: None, safe: None, excursion: 0.0, speed: 0.0, is_recovered: false };
+        Outcome { end: Phase::Off, cause: None, noticed: None, safe: None, noticed_ns: 0, safe_ns: 0, excursion: 0.0, speed: 0.0, is_recovered: false };
     let total = case.periods.max(LASTING) + 100;
     for period in 0..total {
         let is_on = period < case.periods;
@@ -302,12 +317,12 @@ fn outcome(case: &Case) -> Outcome {
         let _ = inner(&mut rig).read();
         let has_changed = rig.transitions.len() > before;
         if out.noticed.is_none() && has_changed {
-            out.noticed = Some(period);
+            (out.noticed, out.noticed_ns) = (Some(period), rig.last().done_ns - start_ns + PERIOD_NS);
         }
         let is_safe = rig.last().flags & (flags::SAFE | flags::COMMANDED) == flags::SAFE | flags::COMMANDED;
         let has_tripped = inner(&mut rig).trip().is_some();
         if out.safe.is_none() && has_changed && (is_safe || has_tripped) {
-            out.safe = Some(period);
+            (out.safe, out.safe_ns) = (Some(period), rig.last().done_ns - start_ns + PERIOD_NS);
         }
         let wanted = rig.last().q_ref;
         let plant = inner(&mut rig).inner_mut().inner_mut().inner_mut().plant();
@@ -353,7 +368,7 @@ fn recovers<'c>(rig: &mut Rig<'c, Hal<'c, '_>>) -> bool {
 }
 
 fn row(case: &Case, out: &Outcome) -> String {
-    let periods = |n: Option<u64>| n.map_or_else(|| "-".to_string(), |n| format!("{} ms", (n + 1) * 5));
+    let after = |n: Option<u64>, ns: u64| n.map_or_else(|| "-".to_string(), |_| format!("{} ms", ns / 1_000_000));
     let cause = out.cause.map_or("-", |cause| cause.name());
     let excursion = if matches!(case.own, Own::Leap(_)) { "-".to_string() } else { format!("{:.1} mm", 1e3 * out.excursion) };
     let is_recovered = if out.is_recovered { "yes" } else { "no" };
@@ -361,8 +376,8 @@ fn row(case: &Case, out: &Outcome) -> String {
         "| {} | {} | {cause} | {} | {} | {excursion} | {:.2} m/s | {is_recovered} |",
         case.name,
         out.end.name(),
-        periods(out.noticed),
-        periods(out.safe),
+        after(out.noticed, out.noticed_ns),
+        after(out.safe, out.safe_ns),
         out.speed
     )
 }
@@ -391,8 +406,13 @@ fn every_fault_ends_as_the_table_says() {
         if (out.end, out.cause) != (case.end, case.cause) || !is_within || !out.is_recovered {
             wrong.push(format!("{}: {:?} {:?} after {:?}", case.name, out.end, out.cause, out.noticed));
         }
-        // The loop's safe action is sent in the period in which something is noticed; the robot's own, when the last command has expired.
-        let most = if out.end == Phase::SafeStop { 1 } else { 2 };
+        // The loop's safe action is sent in the period in which something is noticed; the robot's own follows when the last command has
+        // expired, which the loop makes soon unless nothing passes any more.
+        let most = match out.end {
+            Phase::SafeStop => 1,
+            _ if case.own == Own::Gone => 11,
+            _ => 2,
+        };
         if out.noticed.is_some() && out.safe.is_none_or(|safe| safe > out.noticed.unwrap_or(0) + most) {
             wrong.push(format!("{}: safe after {:?}, noticed after {:?}", case.name, out.safe, out.noticed));
         }
