@@ -63,6 +63,42 @@ impl Grid {
     }
 }
 
+/// Room for the periods of a second at the fastest rate there is.
+const WORDS: usize = 20_000_usize.div_ceil(64);
+
+/// Share of the last second's periods that ended late, one bit each.
+#[derive(Debug, Clone, Copy)]
+pub struct LateShare {
+    bits: [u64; WORDS],
+    length: usize,
+    at: usize,
+    late: usize,
+}
+
+impl LateShare {
+    /// Of a loop with this period `[ns]`.
+    #[must_use]
+    pub fn new(period_ns: u64) -> Self {
+        let periods = usize::try_from(1_000_000_000 / period_ns.max(1)).unwrap_or(usize::MAX);
+        Self { bits: [0; WORDS], length: periods.clamp(1, 64 * WORDS), at: 0, late: 0 }
+    }
+
+    /// Notes a period; the one of a second ago is forgotten.
+    pub fn note(&mut self, is_late: bool) {
+        let (word, bit) = (self.at / 64, 1_u64 << (self.at % 64));
+        self.late -= usize::from(self.bits[word] & bit != 0);
+        self.late += usize::from(is_late);
+        self.bits[word] = if is_late { self.bits[word] | bit } else { self.bits[word] & !bit };
+        self.at = (self.at + 1) % self.length;
+    }
+
+    /// The share, 0 to 1.
+    #[must_use]
+    pub fn share(&self) -> f64 {
+        self.late as f64 / self.length as f64
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -98,6 +134,21 @@ mod tests {
         assert_eq!(grid.woken(1250), beat(12, 1200, 12));
         assert!(!grid.done(1260));
         assert_eq!(grid.woken(1300), beat(13, 1300, 0));
+    }
+
+    #[test]
+    fn a_share_is_that_of_the_last_second_whenever_it_began() {
+        let mut late = LateShare::new(10_000_000);
+        (0..37).for_each(|_| late.note(false));
+        (0..200).for_each(|i| late.note(i % 4 == 0));
+        assert!((late.share() - 0.25).abs() < 1e-12);
+        (0..60).for_each(|_| late.note(false));
+        assert!((late.share() - 0.10).abs() < 1e-12);
+        (0..40).for_each(|_| late.note(false));
+        assert!(late.share() <= 0.0);
+        let mut fast = LateShare::new(1);
+        (0..100_000).for_each(|_| fast.note(true));
+        assert!((fast.share() - 1.0).abs() < 1e-12);
     }
 
     #[test]

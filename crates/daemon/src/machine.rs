@@ -3,8 +3,6 @@
 mod course;
 mod orders;
 mod session;
-#[cfg(test)]
-mod tests;
 
 use core::sync::atomic::{AtomicU64, Ordering};
 use std::sync::Arc;
@@ -18,7 +16,7 @@ use pkm_hal::safe_action::Trip;
 
 use crate::blend::Blend;
 use crate::gate::{Brought, Gate, GateCounts, GateLimits, Offence};
-use crate::grid::Beat;
+use crate::grid::{Beat, LateShare};
 use crate::motion::{Motion, Move, Wanted};
 use crate::order::{Answer, Order, Waste};
 use crate::weigher::{Weigher, Wrench};
@@ -137,8 +135,7 @@ pub struct Machine<B, S> {
     /// Efforts sent last.
     sent: [f64; MAX_AXES],
     late_in_a_row: u64,
-    /// Periods of the running second, and how many ended late.
-    second: [u64; 2],
+    late: LateShare,
     since_reconnect_ns: u64,
     counts: Counts,
     record: CycleRecord,
@@ -182,7 +179,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
             trip: None,
             sent: [0.0; MAX_AXES],
             late_in_a_row: 0,
-            second: [0; 2],
+            late: LateShare::new(parts.limits.period_ns),
             since_reconnect_ns: 0,
             counts: Counts::default(),
             record,
@@ -235,13 +232,11 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
         self.finish(clock.now_ns());
     }
 
-    /// The safe action once more, after the program itself has failed: what it needs is the last that was sent, and nothing else.
+    /// Lets the robot go after the program itself has failed: what it needs is the last that was sent, and nothing else.
     pub fn abandon(&mut self, now_ns: u64) {
         self.go(Phase::Fault, Offence::of(Cause::Internal, 0.0, 0.0), now_ns);
         if self.session.is_open {
-            let trip = Trip { at_ns: now_ns, tau: self.sent, q: [None; MAX_AXES] };
-            let (mode, tau) = self.limits.safe.command(&trip, None, now_ns);
-            self.command(mode, &tau, now_ns);
+            self.let_go(now_ns);
         }
     }
 
@@ -258,12 +253,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
         if tick.is_overrun {
             record.flags |= flags::OVERRUN;
         }
-        let [periods, late] = &mut self.second;
-        if *periods * self.limits.period_ns >= 1_000_000_000 {
-            (*periods, *late) = (0, 0);
-        }
-        *periods += 1 + skipped;
-        *late += u64::from(tick.is_overrun);
+        self.late.note(tick.is_overrun);
     }
 
     fn note(&mut self, brought: Brought) {
@@ -324,8 +314,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
         if self.late_in_a_row > limits.overruns {
             return Some(Offence::of(Cause::Overruns, self.late_in_a_row as f64, limits.overruns as f64));
         }
-        let whole = (1_000_000_000 / limits.period_ns.max(1)).max(1) as f64;
-        let share = self.second[1] as f64 / whole;
+        let share = self.late.share();
         if share > limits.overrun_share {
             return Some(Offence::of(Cause::OverrunShare, share, limits.overrun_share));
         }
@@ -364,13 +353,28 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
         if self.phase.is_moving() {
             match self.follow(dt) {
                 Ok(tau) => return Some((Mode::Effort, tau)),
+                // The safe action follows in the same period.
                 Err(offence) => self.go(after(offence.cause), offence, now_ns),
             }
         }
-        let trip = self.trip.filter(|_| self.session.is_open && self.phase != Phase::Fault)?;
+        if !self.session.is_open {
+            return None;
+        }
+        // Without a state that can be believed the loop has nothing to hold with; the robot's side may have one.
+        if self.phase == Phase::Fault || (self.trip.is_some() && self.gate.offence(now_ns).is_some()) {
+            self.let_go(now_ns);
+            return None;
+        }
+        let trip = self.trip?;
         self.record.flags |= flags::SAFE;
-        let is_good = self.gate.offence(now_ns).is_none();
-        Some(self.limits.safe.command(&trip, self.gate.state().filter(|_| is_good), now_ns))
+        Some(self.limits.safe.command(&trip, self.gate.state(), now_ns))
+    }
+
+    /// The last efforts once more, for half a period: then the robot's side applies its own safe action, and the session is over.
+    fn let_go(&mut self, now_ns: u64) {
+        let efforts = self.sent;
+        self.hand_over(Mode::Effort, &efforts, now_ns, self.limits.period_ns / 2);
+        (self.session.is_open, self.trip) = (false, None);
     }
 
     /// The controller's efforts on the way.
@@ -443,9 +447,14 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
         Ok(())
     }
 
-    /// Hands a command over, and believes what the limits outside made of it.
+    /// Hands a command over for as long as commands are valid.
     fn command(&mut self, mode: Mode, tau: &[f64; MAX_AXES], now_ns: u64) {
-        let mut command = self.session.command(self.n, mode, now_ns, self.limits.valid_for_ns);
+        self.hand_over(mode, tau, now_ns, self.limits.valid_for_ns);
+    }
+
+    /// Hands a command over, and believes what the limits outside made of it.
+    fn hand_over(&mut self, mode: Mode, tau: &[f64; MAX_AXES], now_ns: u64, valid_for_ns: u64) {
+        let mut command = self.session.command(self.n, mode, now_ns, valid_for_ns);
         command.state_sequence = self.record.state.sequence;
         command.tau[..self.n].copy_from_slice(&tau[..self.n]);
         let command = command.sealed();
@@ -463,8 +472,11 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
             }
             // The robot's side has taken over, with a safe action of its own.
             Err(_) if self.phase == Phase::SafeStop => self.session.is_open = false,
-            Err(error) if self.phase != Phase::Fault => self.go(Phase::Fault, Offence::of(refused(error), 0.0, 0.0), now_ns),
-            Err(_) => {}
+            Err(error) if self.phase != Phase::Fault => {
+                self.session.is_open = false;
+                self.go(Phase::Fault, Offence::of(refused(error), 0.0, 0.0), now_ns);
+            }
+            Err(_) => self.session.is_open = false,
         }
     }
 
@@ -499,8 +511,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
             self.trip = Some(Trip { at_ns: now_ns, tau: self.sent, q });
         }
         if to == Phase::Fault {
-            // What was commanded last expires, and the robot's side does what is safe.
-            (self.session.is_open, self.trip) = (false, None);
+            self.trip = None;
         }
         self.phase = to;
     }

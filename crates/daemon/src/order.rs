@@ -94,8 +94,8 @@ pub enum Refusal {
     /// A session is being opened.
     #[error("arming already")]
     Arming,
-    /// Something that it needs was not given with it.
-    #[error("it came without what it needs")]
+    /// Something that it needs was not given with it: no motion and no law of contact to start, no controller to arm with.
+    #[error("there is nothing to do it with: neither a motion nor a law of contact is configured")]
     Incomplete,
 }
 

@@ -9,15 +9,17 @@ use pkm_daemon::config::{DaemonConfig, HalKind, Settings};
 use pkm_dyn::effects::Robot;
 use pkm_dyn::urdf::Description;
 use pkm_hal::Phase;
+use pkm_ident::Recording;
 use pkm_record::ReadOptions;
 use pkm_sim::{Playback, check_limits};
 
 use crate::robot_file;
 
 /// The example that runs where no file is given, with the files it names.
-const SHIPPED: [(&str, &str); 2] = [
+const SHIPPED: [(&str, &str); 3] = [
     ("daemon.toml", include_str!("../../../../docs/examples/daemon.toml")),
     ("controllers/computed_torque_200hz.toml", include_str!("../../../../docs/examples/controllers/computed_torque_200hz.toml")),
+    ("daemon_motion.csv", include_str!("../../../../docs/examples/daemon_motion.csv")),
 ];
 
 /// What one file says, and everything it names.
@@ -73,7 +75,7 @@ impl Setup {
             bail!(config.about("run.controller", &problem));
         }
         let settings = config.settings(&robot.robot.model, hold.rate_hz)?;
-        let motion = config.motion().map(|name| motion(&config, &joined(base.as_deref(), name), &robot)).transpose()?;
+        let motion = config.motion().map(|name| motion(&config, base.as_deref(), name, &robot)).transpose()?;
         Ok(Self { config, settings, robot, own, hold, run, motion, base })
     }
 
@@ -150,10 +152,14 @@ fn controller(config: &DaemonConfig, base: Option<&Path>, key: &str, name: &str,
 }
 
 /// The motion of a recording, sample by sample, within the robot's limits.
-fn motion(config: &DaemonConfig, path: &Path, robot: &Description) -> anyhow::Result<Playback> {
+fn motion(config: &DaemonConfig, base: Option<&Path>, name: &str, robot: &Description) -> anyhow::Result<Playback> {
+    let path = joined(base, name);
     let read = || -> anyhow::Result<Playback> {
         let model = &robot.robot.model;
-        let recording = pkm_record::read(path, &ReadOptions::default())?;
+        let recording = match SHIPPED.iter().find(|(file, _)| base.is_none() && *file == name) {
+            Some((_, text)) => shipped_recording(text)?,
+            None => pkm_record::read(&path, &ReadOptions::default())?,
+        };
         let mut columns = Vec::new();
         for &j in &model.actuators {
             let name = format!("q_ref.{}", model.joints[j].name);
@@ -168,4 +174,11 @@ fn motion(config: &DaemonConfig, path: &Path, robot: &Description) -> anyhow::Re
         Ok(motion)
     };
     read().map_err(|e| config.about("motion", &format!("{e:#}")).into())
+}
+
+/// The shipped motion, which is part of the program: through a file, as any other.
+fn shipped_recording(text: &str) -> anyhow::Result<Recording> {
+    let file = tempfile::Builder::new().suffix(".csv").tempfile()?;
+    std::fs::write(file.path(), text)?;
+    Ok(pkm_record::read(file.path(), &ReadOptions::default())?)
 }
