@@ -79,6 +79,17 @@ impl Clock for SystemClock {
     }
 }
 
+/// What to add to [`SystemClock`] to have the time of day, as it is now `[ns]`: for stamps that people read, not for control.
+#[cfg(feature = "system-clock")]
+#[must_use]
+pub fn epoch_offset_ns() -> u64 {
+    let day = rustix::time::clock_gettime(rustix::time::ClockId::Realtime);
+    // A clock that is set before 1970 counts as 1970.
+    let seconds = u64::try_from(day.tv_sec).unwrap_or(0);
+    let day_ns = seconds.saturating_mul(1_000_000_000).saturating_add(u64::try_from(day.tv_nsec).unwrap_or(0));
+    day_ns.saturating_sub(SystemClock.now_ns())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

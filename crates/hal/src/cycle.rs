@@ -145,6 +145,15 @@ impl CycleSink for () {
     fn put(&mut self, _: &CycleRecord) {}
 }
 
+/// Somebody may record.
+impl<S: CycleSink> CycleSink for Option<S> {
+    fn put(&mut self, record: &CycleRecord) {
+        if let Some(sink) = self {
+            sink.put(record);
+        }
+    }
+}
+
 /// Both get every record.
 impl<A: CycleSink, B: CycleSink> CycleSink for (A, B) {
     fn put(&mut self, record: &CycleRecord) {

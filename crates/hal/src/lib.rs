@@ -42,7 +42,7 @@ pub use backend::{Backend, HalError};
 #[cfg(feature = "std")]
 pub use clock::MonotonicClock;
 #[cfg(feature = "system-clock")]
-pub use clock::SystemClock;
+pub use clock::{SystemClock, epoch_offset_ns};
 pub use clock::{Clock, ManualClock};
 pub use cycle::{Cause, CycleRecord, CycleSink, CycleSource, Phase, Transition};
 pub use faulty::{Fault, FaultyHal, Injection};

@@ -103,7 +103,11 @@ impl Live {
             .map_err(|e| LiveError::Listen { host: options.host.clone(), port: options.port, detail: e.to_string() })?;
         let queue = Arc::new(Queue::default());
         let of_thread = Arc::clone(&queue);
-        let thread = std::thread::Builder::new().name("pkm-live".to_string()).spawn(move || show(messages, &channels, &of_thread));
+        let thread = std::thread::Builder::new().name("pkm-live".to_string()).spawn(move || {
+            show(messages, &channels, &of_thread);
+            // Channels are open as long as their context lives.
+            drop(context);
+        });
         let thread = thread.map_err(|e| start(&e))?;
         Ok(Self { queue, every_ns: options.every_ns, length: options.queue.max(1), server: Some(server), thread: Some(thread) })
     }

@@ -1,5 +1,6 @@
 //! `pkm daemon`: a controller on a robot in real time, until it is told to end.
 
+mod recording;
 pub(crate) mod report;
 pub(crate) mod robot;
 pub(crate) mod setup;
@@ -61,7 +62,8 @@ Examples:
   pkm daemon
   pkm daemon --check daemon.toml
   pkm daemon daemon.toml
-  pkm daemon --seconds 10 --start")]
+  pkm daemon --seconds 10 --start
+  pkm daemon daemon.toml --record runs")]
 pub(crate) struct Args {
     /// A daemon.toml [default: the shipped example].
     config: Option<PathBuf>,
@@ -74,6 +76,8 @@ pub(crate) struct Args {
     /// End after so long.
     #[arg(long, value_name = "S", value_parser = crate::diagnosis::positive)]
     seconds: Option<f64>,
+    #[command(flatten)]
+    recording: recording::RecordArgs,
     /// Print nothing but errors.
     #[arg(long, short)]
     quiet: bool,
@@ -177,7 +181,8 @@ fn serve(args: &Args, setup: &Arc<Setup>) -> Result<ExitCode, Stopped> {
     let room = usize::try_from(rate.max(1) * RING_S).unwrap_or(8000);
     let (sink, source) = ring(room);
     let (ends, loop_ends) = lines(source);
-    let mut worker = thread::start(Arc::clone(setup), place.clone(), lock, sink, loop_ends)?;
+    let (record_sink, recording) = args.recording.begin(setup, room)?;
+    let mut worker = thread::start(Arc::clone(setup), place.clone(), lock, (sink, record_sink), loop_ends)?;
     let grants = worker.grants()?;
     let reporter = OnTerminal { setup: Arc::clone(setup), directory: place.dir().to_path_buf(), is_quiet: args.quiet };
     let limits = &setup.settings.limits;
@@ -196,6 +201,9 @@ fn serve(args: &Args, setup: &Arc<Setup>) -> Result<ExitCode, Stopped> {
     let code = watch(args, &mut keeper, &door, &signals, &worker);
     let outcome = worker.join();
     keeper.turn(SystemClock.now_ns(), true);
+    if let Some(recording) = recording {
+        keeper.reporter_mut().line(&recording.finish());
+    }
     outcome.and(code)
 }
 

@@ -59,10 +59,13 @@ impl Worker {
     }
 }
 
+/// Where records go: to who supervises, and to who records.
+pub(super) type Sinks = (RingSink, Option<RingSink>);
+
 /// What the thread holds besides the robot.
 struct Room {
     setup: Arc<Setup>,
-    sink: RingSink,
+    sink: Sinks,
     ends: LoopEnds,
     stop: Arc<AtomicBool>,
     begun: SyncSender<Grants>,
@@ -72,7 +75,7 @@ struct Room {
 ///
 /// # Errors
 /// No thread can be made.
-pub(super) fn start(setup: Arc<Setup>, place: Place, lock: Lock, sink: RingSink, ends: LoopEnds) -> Result<Worker, Stopped> {
+pub(super) fn start(setup: Arc<Setup>, place: Place, lock: Lock, sink: Sinks, ends: LoopEnds) -> Result<Worker, Stopped> {
     let stop = Arc::new(AtomicBool::new(false));
     let (tell, begun) = sync_channel(1);
     let room = Room { setup: Arc::clone(&setup), sink, ends, stop: Arc::clone(&stop), begun: tell };
