@@ -8,14 +8,17 @@ use crate::shell::{answer, cargo, program, root, run};
 /// Version of Pinocchio the golden files are made with, and the one that is measured against.
 pub(crate) const PINOCCHIO: &str = "pin==4.1.0";
 
-/// Runs the cross-crate tests with many seeds; they read `PKM_LONG`, and write tables into the folder `PKM_RESULTS`, each under the
+/// Runs the cross-crate tests with many seeds, or those of the files named; they read `PKM_LONG`, and write tables into the folder `PKM_RESULTS`, each under the
 /// commit in `PKM_COMMIT`.
-pub(crate) fn long() -> Result<(), String> {
+pub(crate) fn long(only: &[&str]) -> Result<(), String> {
     let results = root().join("docs/results");
     fs::create_dir_all(&results).map_err(|e| format!("{}: {e}", results.display()))?;
     let commit = commit();
     println!("   commit {commit}, tables go to docs/results/");
     let mut command = cargo("test --release --locked -p pkm-tests --no-fail-fast");
+    only.iter().for_each(|name| {
+        command.args(["--test", name]);
+    });
     run(command.env("PKM_LONG", "1").env("PKM_RESULTS", &results).env("PKM_COMMIT", commit))
 }
 

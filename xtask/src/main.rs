@@ -13,7 +13,7 @@ use std::process::ExitCode;
 
 const USAGE: &str = "\
 cargo xtask test [STEP ...]   everything CI runs, in order, up to the first failure; or only the steps named
-cargo xtask long              the long tier: PKM_LONG=1, tables into docs/results/
+cargo xtask long [TEST ...]   the long tier: PKM_LONG=1, tables into docs/results/; or only the files named (`fuzz`)
 cargo xtask bench [ARGS ...]  the benches; arguments go to criterion (`-- --quick`, a name)
 cargo xtask peers [ARGS ...]  pkm-dyn and Pinocchio's C++ in one run, into benches/README.md (`--rounds N`)
 cargo xtask slicot [N]        μ beside SLICOT's AB13MD on N problems in one run, into benches/README.md
@@ -32,7 +32,7 @@ fn main() -> ExitCode {
         Some("peers") => peers::peers(&rest),
         Some("slicot") => peers::slicot(&rest),
         Some("identify-peers") => peers::identify(&rest),
-        Some("long") => none(&rest).and_then(|()| chores::long()),
+        Some("long") => chores::long(&rest),
         Some("wheel") => none(&rest).and_then(|()| chores::wheel()),
         Some("golden") => none(&rest).and_then(|()| chores::golden()),
         None | Some("help" | "--help" | "-h") => {

@@ -29,6 +29,9 @@ pub trait Backend {
     fn sent(&self) -> Option<&[f64; MAX_AXES]> {
         None
     }
+
+    /// Looks for the other side again, where it may have come back in another place. This may take milliseconds: for when nobody moves.
+    fn reconnect(&mut self) {}
 }
 
 impl<B: Backend + ?Sized> Backend for &mut B {
@@ -50,6 +53,10 @@ impl<B: Backend + ?Sized> Backend for &mut B {
 
     fn sent(&self) -> Option<&[f64; MAX_AXES]> {
         (**self).sent()
+    }
+
+    fn reconnect(&mut self) {
+        (**self).reconnect();
     }
 }
 

@@ -64,6 +64,32 @@ impl Clock for MonotonicClock {
     }
 }
 
+/// The operating system's monotonic clock as every process of the machine sees it: for stamps that pass from one to another.
+#[cfg(feature = "system-clock")]
+#[derive(Debug, Clone, Copy, Default)]
+pub struct SystemClock;
+
+#[cfg(feature = "system-clock")]
+impl Clock for SystemClock {
+    fn now_ns(&self) -> u64 {
+        let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+        // It counts from the machine's start, so neither part is negative.
+        let seconds = u64::try_from(now.tv_sec).unwrap_or(0);
+        seconds.saturating_mul(1_000_000_000).saturating_add(u64::try_from(now.tv_nsec).unwrap_or(0))
+    }
+}
+
+/// What to add to [`SystemClock`] to have the time of day, as it is now `[ns]`: for stamps that people read, not for control.
+#[cfg(feature = "system-clock")]
+#[must_use]
+pub fn epoch_offset_ns() -> u64 {
+    let day = rustix::time::clock_gettime(rustix::time::ClockId::Realtime);
+    // A clock that is set before 1970 counts as 1970.
+    let seconds = u64::try_from(day.tv_sec).unwrap_or(0);
+    let day_ns = seconds.saturating_mul(1_000_000_000).saturating_add(u64::try_from(day.tv_nsec).unwrap_or(0));
+    day_ns.saturating_sub(SystemClock.now_ns())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -76,6 +102,16 @@ mod tests {
         assert_eq!(clock.now_ns(), 12);
         clock.advance(u64::MAX);
         assert_eq!(clock.now_ns(), u64::MAX);
+    }
+
+    #[cfg(feature = "system-clock")]
+    #[test]
+    fn the_system_clock_counts_as_the_kernel_says() {
+        // The first number of /proc/uptime counts suspended time as well, so it can only be ahead.
+        let uptime = std::fs::read_to_string("/proc/uptime").expect("Linux");
+        let seconds: f64 = uptime.split(' ').next().and_then(|x| x.parse().ok()).expect("a number");
+        let now = SystemClock.now_ns() as f64 * 1e-9;
+        assert!(now > 0.0 && now <= seconds + 1.0, "{now} against {seconds}");
     }
 
     #[cfg(feature = "std")]

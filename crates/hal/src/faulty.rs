@@ -292,6 +292,10 @@ impl<B: Backend> Backend for FaultyHal<'_, B> {
     fn sent(&self) -> Option<&[f64; MAX_AXES]> {
         self.inner.sent()
     }
+
+    fn reconnect(&mut self) {
+        self.inner.reconnect();
+    }
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 mod codes;
 
 use crate::backend::HalError;
-use crate::checksum::{FNV_START, crc32, fnv1a};
+use crate::checksum::crc32;
 
 pub use codes::{Mode, Signal, status};
 
@@ -17,10 +17,10 @@ pub const MAX_AXES: usize = 16;
 pub const MAX_SENSORS: usize = 16;
 
 /// Raised when the meaning of a field changes and its name does not.
-const VERSION: u64 = 1;
+pub(crate) const VERSION: u64 = 1;
 
 /// A field of a frame as little-endian bytes.
-trait Word: Copy {
+pub(crate) trait Word: Copy {
     fn put(self, out: &mut [u8]);
     fn take(bytes: &[u8]) -> Self;
 }
@@ -61,9 +61,9 @@ impl<const N: usize> Word for [f64; N] {
     }
 }
 
-/// A frame's struct, its layout, and its bytes, from one list of fields.
-macro_rules! frame {
-    ($(#[$meta:meta])* $name:ident { $($(#[$about:meta])* $field:ident: $type:ty, $unit:literal;)* }) => {
+/// A struct of words, its layout, and its bytes, from one list of fields; `$inside` are layouts of frames among the fields.
+macro_rules! words {
+    ($(#[$meta:meta])* $name:ident [$inside:expr] { $($(#[$about:meta])* $field:ident: $type:ty, $unit:literal;)* }) => {
         $(#[$meta])*
         #[repr(C)]
         #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,26 +77,30 @@ macro_rules! frame {
                 concat!(stringify!($name), $("; ", stringify!($field), ": ", stringify!($type), " [", $unit, "]"),*);
 
             /// Hash of [`Self::FIELDS`], of the room for axes and sensors, and of the contract's version.
-            pub const LAYOUT: u64 =
-                fnv1a(FNV_START ^ ((MAX_AXES as u64) << 32 | (MAX_SENSORS as u64) << 16 | VERSION), Self::FIELDS);
+            pub const LAYOUT: u64 = $crate::checksum::fnv1a(
+                $crate::checksum::FNV_START
+                    ^ $inside
+                    ^ (($crate::frame::MAX_AXES as u64) << 32 | ($crate::frame::MAX_SENSORS as u64) << 16 | $crate::frame::VERSION),
+                Self::FIELDS,
+            );
 
             /// Length in bytes.
             pub const BYTES: usize = 0 $(+ size_of::<$type>())*;
 
-            /// The frame as little-endian bytes, in the order of its fields.
+            /// It as little-endian bytes, in the order of its fields.
             #[must_use]
             pub fn to_bytes(&self) -> [u8; Self::BYTES] {
                 let mut out = [0; Self::BYTES];
                 let mut at = 0;
                 $(
-                    self.$field.put(&mut out[at..at + size_of::<$type>()]);
+                    $crate::frame::Word::put(self.$field, &mut out[at..at + size_of::<$type>()]);
                     at += size_of::<$type>();
                 )*
                 debug_assert_eq!(at, Self::BYTES);
                 out
             }
 
-            /// The frame of these bytes, believed as they are: follow with [`Self::check`].
+            /// What these bytes say, believed as they are; a frame is to be checked next.
             #[must_use]
             pub fn from_bytes(bytes: &[u8; Self::BYTES]) -> Self {
                 let mut at = 0;
@@ -104,9 +108,33 @@ macro_rules! frame {
                     at += length;
                     &bytes[at - length..at]
                 };
-                Self { $($field: <$type>::take(next(size_of::<$type>())),)* }
+                Self { $($field: <$type as $crate::frame::Word>::take(next(size_of::<$type>())),)* }
+            }
+        }
+
+        impl $crate::frame::Word for $name {
+            fn put(self, out: &mut [u8]) {
+                out.copy_from_slice(&self.to_bytes());
             }
 
+            fn take(bytes: &[u8]) -> Self {
+                let mut whole = [0; Self::BYTES];
+                whole.copy_from_slice(bytes);
+                Self::from_bytes(&whole)
+            }
+        }
+
+        // No gaps: what is in memory is what `to_bytes` writes.
+        const _: () = assert!(size_of::<$name>() == $name::BYTES);
+    };
+}
+
+pub(crate) use words;
+
+/// The checksum of a frame, which is its last word.
+macro_rules! sealed {
+    ($name:ident) => {
+        impl $name {
             /// The frame with the checksum of its contents.
             #[must_use]
             pub fn sealed(mut self) -> Self {
@@ -129,15 +157,15 @@ macro_rules! frame {
                 Ok(())
             }
         }
-
-        // No gaps: what is in memory is what `to_bytes` writes.
-        const _: () = assert!(size_of::<$name>() == $name::BYTES);
     };
 }
 
-frame! {
+sealed!(StateFrame);
+sealed!(CommandFrame);
+
+words! {
     /// What the robot reports: one sample of every signal at one moment.
-    StateFrame {
+    StateFrame [0] {
         /// [`Self::LAYOUT`] of the program that wrote it.
         layout: u64, "hash";
         /// Nonce of the session whose command was accepted last; 0 when none was.
@@ -177,9 +205,9 @@ frame! {
     }
 }
 
-frame! {
+words! {
     /// What is asked of the robot until `valid_until_ns`, and not longer.
-    CommandFrame {
+    CommandFrame [0] {
         /// [`Self::LAYOUT`] of the program that wrote it.
         layout: u64, "hash";
         /// Nonce of the session it belongs to.

@@ -29,6 +29,7 @@ pub mod checksum;
 pub mod clock;
 #[cfg(feature = "conformance")]
 pub mod conformance;
+pub mod cycle;
 pub mod faulty;
 pub mod frame;
 pub mod limiter;
@@ -41,6 +42,9 @@ pub use backend::{Backend, HalError};
 #[cfg(feature = "std")]
 pub use clock::MonotonicClock;
 pub use clock::{Clock, ManualClock};
+#[cfg(feature = "system-clock")]
+pub use clock::{SystemClock, epoch_offset_ns};
+pub use cycle::{Cause, CycleRecord, CycleSink, CycleSource, Phase, Transition};
 pub use faulty::{Fault, FaultyHal, Injection};
 pub use frame::{CommandFrame, MAX_AXES, MAX_SENSORS, Mode, Signal, StateFrame};
 pub use limiter::{AxisLimits, Limiter};

@@ -203,6 +203,10 @@ impl<B: Backend> Backend for Limiter<B> {
     fn sent(&self) -> Option<&[f64; MAX_AXES]> {
         self.inner.sent().or(Some(&self.sent))
     }
+
+    fn reconnect(&mut self) {
+        self.inner.reconnect();
+    }
 }
 
 #[cfg(test)]

@@ -253,6 +253,10 @@ impl<B: Backend, C: Clock> Backend for Watchdog<B, C> {
     fn sent(&self) -> Option<&[f64; MAX_AXES]> {
         self.inner.sent()
     }
+
+    fn reconnect(&mut self) {
+        self.inner.reconnect();
+    }
 }
 
 impl<B: Backend, C: Clock> Watchdog<B, C> {

@@ -26,7 +26,7 @@ pub(crate) struct Args {
     /// Topic of the joint states, where an MCAP file has several.
     #[arg(long, value_name = "TOPIC")]
     topic: Option<String>,
-    /// Keep what is complete of a damaged MCAP file.
+    /// Keep what is complete of a damaged MCAP file, and tell how much that is and how much is lost.
     #[arg(long)]
     recover: bool,
     /// Attach this robot (robot.toml and URDF) to the MCAP file that is written.
@@ -41,6 +41,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let recording = pkm_record::read(&args.input, &options)?;
     let mut attachments = pkm_record::read_attachments(&args.input, &options)?;
     attachments.keys.clear();
+    let mut steps = Vec::new();
+    pkm_record::read_controls(&args.input, &options, &mut |step| steps.push(step))?;
     let has_room = args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
     if let Some(robot) = &args.robot {
         ensure!(has_room, "{}: --robot needs an .mcap file to attach to", args.output.display());
@@ -51,11 +53,18 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         attachments.files.extend(new.files);
         attachments.keys = new.keys;
     }
+    let n_steps = steps.len();
+    if has_room {
+        attachments.controls = steps;
+    }
     pkm_record::write(&args.output, &recording, &attachments)?;
     let lost = if has_room { 0 } else { attachments.files.len() };
     let left_out = if lost > 0 { format!(" ({lost} attached files left out: CSV has no place for them)") } else { String::new() };
+    let left_out = if has_room || n_steps == 0 { left_out } else { format!("{left_out} ({n_steps} steps of the controller left out)") };
+    let recovered = recording.meta.other.get("recovered").map_or(String::new(), |told| format!("\nRecovered: {told}"));
     let (samples, signals) = (recording.len(), recording.signals.len());
-    let text = format!("{}: {samples} samples of {signals} signals, {:.3} s{left_out}", args.output.display(), recording.duration());
+    let text =
+        format!("{}: {samples} samples of {signals} signals, {:.3} s{left_out}{recovered}", args.output.display(), recording.duration());
     out::say(&out::clean(&text))?;
     Ok(ExitCode::SUCCESS)
 }
@@ -86,5 +95,6 @@ pub(crate) fn with_robot(description: &Description) -> Attachments {
     Attachments {
         files: vec![file("robot.toml", "application/toml", &description.toml_text), file(&urdf, "application/xml", &description.urdf_text)],
         keys: [("configuration".to_string(), hash)].into(),
+        ..Attachments::default()
     }
 }

@@ -1,26 +1,33 @@
 //! The `pkm` command: one verb per file. Everything it computes is in the libraries; here are arguments, files and words.
 //!
-//! Exit codes: 0 done, 1 something was found that the caller asked to be told about, 2 bad usage or bad input, 70 internal error.
+//! Exit codes: 0 done, 1 something was found that the caller asked to be told about, 2 bad usage or bad input, 70 internal error; those of
+//! a daemon are in `daemon.rs`.
 
 mod check;
 mod convert;
+mod daemon;
 mod demo;
 mod diagnose;
 mod diagnosis;
+mod doctor;
+mod driver_sim;
 mod effects;
 mod excite;
 mod export;
 mod identify;
 mod mu;
+mod order;
 mod out;
 mod outputs;
 mod plan;
 mod progress;
 mod random;
+mod replay;
 mod reproduce;
 mod robot_file;
 mod seal;
 mod simulate;
+mod status;
 mod trial_null;
 mod twin;
 mod twins;
@@ -55,6 +62,7 @@ Handle recordings:
   simulate    Record a simulated robot, with or without concealed physics
   convert     Turn a CSV recording into MCAP, or back
   twin        Replay a recording in simulation and compare
+  replay      Do every step of a recorded controller again, to the bit
 
 Fit a robot:
   identify    Estimate masses, inertias and friction of a robot from recordings
@@ -66,6 +74,13 @@ Find missing physics:
 
 Analyse a control loop:
   mu          Bound the structured singular value: how much uncertainty a loop survives
+
+Run a robot:
+  doctor      Say whether this machine can run a control loop on time
+  daemon      Run a controller on a robot in real time
+  order       Tell a running daemon what to do
+  status      Show what a running daemon does and how late it is
+  driver-sim  Stand in for a robot's driver: simulated, in a process of its own
 
 See it work:
   reproduce   Do a paper's experiments again and compare its numbers with ours
@@ -83,6 +98,7 @@ Examples:
   pkm convert A.csv A.mcap --robot robot.toml
   pkm effects friction_stribeck
   pkm export prs3 --format mjcf --out prs3.xml
+  pkm daemon daemon.toml
 
 `pkm VERB --help` explains a verb and its flags. Shipped robots can be given by name wherever a ROBOT is asked for.
 ";
@@ -117,6 +133,8 @@ enum Verb {
     Convert(convert::Args),
     /// Replay a recording in simulation and compare, joint by joint.
     Twin(twin::Args),
+    /// Do every step of a recorded controller again, to the bit.
+    Replay(replay::Args),
     /// Estimate masses, inertias and friction of a robot from recordings.
     Identify(identify::Args),
     /// Say before any recording what a motion could show, and what would be mistaken for what.
@@ -127,6 +145,16 @@ enum Verb {
     TrialNull(trial_null::Args),
     /// Bound the structured singular value: how much uncertainty a loop survives.
     Mu(mu::Args),
+    /// Say whether this machine can run a control loop on time.
+    Doctor(doctor::Args),
+    /// Run a controller on a robot in real time.
+    Daemon(daemon::Args),
+    /// Tell a running daemon what to do.
+    Order(order::Args),
+    /// Show what a running daemon does and how late it is.
+    Status(status::Args),
+    /// Stand in for a robot's driver: simulated, in a process of its own.
+    DriverSim(driver_sim::Args),
     /// Do a paper's experiments again and compare its numbers with ours.
     Reproduce(reproduce::Args),
     /// Conceal an effect in a simulated robot and find it again.
@@ -149,11 +177,17 @@ fn main() -> ExitCode {
         Verb::Simulate(args) => simulate::run(args),
         Verb::Convert(args) => convert::run(args),
         Verb::Twin(args) => twin::run(args),
+        Verb::Replay(args) => replay::run(args),
         Verb::Identify(args) => identify::run(args),
         Verb::Plan(args) => plan::run(args),
         Verb::Diagnose(args) => diagnose::run(args),
         Verb::TrialNull(args) => trial_null::run(args),
         Verb::Mu(args) => mu::run(args),
+        Verb::Doctor(args) => doctor::run(args),
+        Verb::Daemon(args) => daemon::run(args),
+        Verb::Order(args) => order::run(args),
+        Verb::Status(args) => status::run(args),
+        Verb::DriverSim(args) => driver_sim::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Demo(args) => demo::run(args),
     }));

@@ -6,6 +6,7 @@ pub(crate) mod plant;
 mod reference;
 pub(crate) mod world;
 
+use core::cell::RefCell;
 use core::time::Duration;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -17,7 +18,7 @@ use pkm_dyn::urdf::Description;
 use pkm_hal::{Clock, MonotonicClock};
 use pkm_ident::Recording;
 use pkm_record::{Attachments, WriteError};
-use pkm_sim::{Consistent, Equipment, Instrumented, Scenario, Setup, Trajectory, check_limits, run_instrumented, run_with};
+use pkm_sim::{Consistent, Equipment, Instrumented, Scenario, Setup, Trajectory, Watch, check_limits, run_instrumented, run_with};
 use serde_json::{Value, json};
 
 use crate::convert::with_robot;
@@ -32,7 +33,8 @@ const TOLD_S: f64 = 0.1;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 A PD controller with the weight of the robot as feed-forward follows the reference at 1 kHz or the rate of the recording, whichever is
-higher; or the one that --controller names, at its own rate (its first fault ends the run). It knows the robot's files only; what is concealed moves the robot and is not in the file that is written. Joints pass their limits
+higher; or the one that --controller names, at its own rate (its first fault ends the run), whose every step is then in an .mcap file for
+`pkm replay`. It knows the robot's files only; what is concealed moves the robot and is not in the file that is written. Joints pass their limits
 unless --end-stops is given. The same arguments give the same bytes.
 
 The reduced plant moves in the coordinates of the drives and is the default; the constrained one in those of the whole tree, for effects
@@ -112,18 +114,23 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let told = (concealed.describe(model), concealed.as_json(model));
     let truth = Robot::new(description.bare.clone(), description.robot.effects.iter().cloned().chain(concealed.effects).collect());
     let (controller_file, controller) = controller.unzip();
-    let setup = Setup { robots: [&truth, &description.robot], laws: concealed.laws, controller };
+    let is_mcap = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
+    let steps = RefCell::new(Vec::new());
+    // Only a controller whose file is attached can be replayed.
+    let watch =
+        (is_mcap && controller.is_some()).then(|| -> Watch<'_> { Box::new(|step| steps.borrow_mut().push(controller::noted(step))) });
+    let setup = Setup { robots: [&truth, &description.robot], laws: concealed.laws, controller, watch };
     let moved = move_along(args, setup, (&scenario, equipment.as_ref()), trajectory.as_ref()).with_context(|| file.clone())?;
     let Moved { mut recording, lost, seconds } = moved;
     recording.meta.other.insert("simulated_reference".to_string(), args.motion.name());
     if let Some(name) = args.world.path().and_then(Path::file_name) {
         recording.meta.other.insert("simulated_world".to_string(), name.to_string_lossy().into_owned());
     }
-    let is_mcap = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
     let mut attachments = if is_mcap { with_robot(&description) } else { Attachments::default() };
     if let Some(file) = controller_file {
         file.note(&mut recording, is_mcap.then_some(&mut attachments));
     }
+    attachments.controls = steps.take();
     pkm_record::write(&args.out, &recording, &attachments)?;
     if !args.quiet {
         tell(args, model, told, &recording, (lost, scenario.duration_s / seconds))?;

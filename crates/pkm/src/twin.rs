@@ -90,7 +90,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         FollowArg::Reference => Follow::Reference,
         FollowArg::Measured => Follow::Measured(args.smooth.unwrap_or(0.0)),
     };
-    let setup = Setup { robots: [&truth, nominal], laws: added.laws, controller };
+    let setup = Setup { robots: [&truth, nominal], laws: added.laws, controller, watch: None };
     let found = twin_along(setup, recording, args.plant.kind(args.seed)?, follow).with_context(|| name.clone())?;
     if let Some(target) = &args.html {
         outputs.write(target, &page(&nominal.model.name, recording, &found))?;

@@ -47,7 +47,7 @@ impl Twin for Simulated<'_> {
             Follow::Reference => (nominal, self.controller.read(nominal).map_err(line)?.map(|(_, c)| c)),
             Follow::Measured(_) => (truth, Some(holder(truth, recording, band_hz)?)),
         };
-        let setup = Setup { robots: [truth, knows], laws: Vec::new(), controller };
+        let setup = Setup { robots: [truth, knows], laws: Vec::new(), controller, watch: None };
         let found = twin_along(setup, recording, PlantKind::Auto, follow).map_err(|e| e.to_string())?;
         let first = recording.time.first().copied().unwrap_or(0.0);
         let times: Vec<f64> = recording.time.iter().map(|t| t - first).collect();

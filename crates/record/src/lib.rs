@@ -6,6 +6,7 @@
 extern crate alloc;
 
 mod csv;
+pub mod cycles;
 mod error;
 mod mcap;
 mod meta;
@@ -15,6 +16,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+pub use cycles::{Control, ControlStep};
 pub use error::{ReadError, WriteError};
 use pkm_ident::Recording;
 
@@ -39,12 +41,14 @@ pub struct Attachment {
 }
 
 /// What a written file carries besides the recording.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Attachments {
     /// Files; CSV has no place for them and leaves them out.
     pub files: Vec<Attachment>,
     /// Further metadata keys, such as a configuration hash; on reading they are in `Meta::other`.
     pub keys: BTreeMap<String, String>,
+    /// Steps of the controller, in order of time; CSV has no place for them. They are read by [`read_controls`].
+    pub controls: Vec<ControlStep>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -81,14 +85,26 @@ impl Format {
 /// Says in one line what is wrong where. A damaged MCAP file is an error unless `options.recover` is set.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, ReadError> {
     let file = path.display().to_string();
-    let mut source = open(path, &file)?;
+    read_source(&file, open(path, &file)?, options)
+}
+
+/// As [`read`] from memory; `name` says what kind of file it is, and errors call it so.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_bytes(name: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Recording, ReadError> {
+    let file = name.display().to_string();
+    read_source(&file, in_memory(name, &file, bytes)?, options)
+}
+
+fn read_source(file: &str, mut source: Source<'_>, options: &ReadOptions) -> Result<Recording, ReadError> {
     // Content before extension: an MCAP file under another name would be reported as a broken table.
     match source.format {
-        Format::Mcap => mcap::read(&file, source.reader, source.length, options),
+        Format::Mcap => mcap::read(file, source.reader, source.length, options),
         Format::Csv => {
             let mut bytes = Vec::new();
-            source.reader.read_to_end(&mut bytes).map_err(|e| io_error(&file, &e))?;
-            csv::parse(&file, &bytes)
+            source.reader.read_to_end(&mut bytes).map_err(|e| io_error(file, &e))?;
+            csv::parse(file, &bytes)
         }
     }
 }
@@ -99,10 +115,47 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, ReadError> 
 /// As [`read`].
 pub fn read_attachments(path: &Path, options: &ReadOptions) -> Result<Attachments, ReadError> {
     let file = path.display().to_string();
-    let source = open(path, &file)?;
+    attachments_of(&file, open(path, &file)?, options)
+}
+
+/// As [`read_attachments`] from memory.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_attachments_bytes(name: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Attachments, ReadError> {
+    let file = name.display().to_string();
+    attachments_of(&file, in_memory(name, &file, bytes)?, options)
+}
+
+fn attachments_of(file: &str, source: Source<'_>, options: &ReadOptions) -> Result<Attachments, ReadError> {
     match source.format {
-        Format::Mcap => mcap::read_attachments(&file, source.reader, source.length, options),
+        Format::Mcap => mcap::read_attachments(file, source.reader, source.length, options),
         Format::Csv => Ok(Attachments::default()),
+    }
+}
+
+/// Reads the steps of the controller that an MCAP file holds, one after the other; a CSV file has none.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_controls(path: &Path, options: &ReadOptions, each: &mut dyn FnMut(ControlStep)) -> Result<(), ReadError> {
+    let file = path.display().to_string();
+    controls_of(&file, open(path, &file)?, options, each)
+}
+
+/// As [`read_controls`] from memory.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_controls_bytes(name: &Path, bytes: &[u8], options: &ReadOptions, each: &mut dyn FnMut(ControlStep)) -> Result<(), ReadError> {
+    let file = name.display().to_string();
+    controls_of(&file, in_memory(name, &file, bytes)?, options, each)
+}
+
+fn controls_of(file: &str, source: Source<'_>, options: &ReadOptions, each: &mut dyn FnMut(ControlStep)) -> Result<(), ReadError> {
+    match source.format {
+        Format::Mcap => mcap::read_controls(file, source.reader, source.length, options, each),
+        Format::Csv => Ok(()),
     }
 }
 
@@ -137,24 +190,31 @@ pub fn write(path: &Path, recording: &Recording, attachments: &Attachments) -> R
     let mut temporary = builder.prefix(".").suffix(".part").tempfile_in(directory).map_err(io)?;
     match format {
         Format::Csv => csv::write(temporary.as_file_mut(), recording, &lines).map_err(io)?,
-        Format::Mcap => mcap::write(&file, temporary.as_file_mut(), recording, (lines, &attachments.files))?,
+        Format::Mcap => mcap::write(&file, temporary.as_file_mut(), recording, (lines, attachments))?,
     }
     temporary.as_file().sync_all().map_err(io)?;
     temporary.persist(path).map_err(|e| io(e.error))?;
     Ok(())
 }
 
-struct Source {
-    reader: std::io::Chain<std::io::Cursor<Vec<u8>>, File>,
+struct Source<'a> {
+    reader: Box<dyn Read + 'a>,
     length: u64,
     format: Format,
+}
+
+/// A file that is in memory already.
+fn in_memory<'a>(name: &Path, file: &str, bytes: &'a [u8]) -> Result<Source<'a>, ReadError> {
+    let named = Format::of(name).ok_or_else(|| ReadError::UnknownFormat { file: file.to_string() })?;
+    let format = if bytes.starts_with(mcap::MAGIC) { Format::Mcap } else { named };
+    Ok(Source { reader: Box::new(bytes), length: bytes.len() as u64, format })
 }
 
 fn io_error(file: &str, error: &std::io::Error) -> ReadError {
     ReadError::Io { file: file.to_string(), detail: error.to_string() }
 }
 
-fn open(path: &Path, file: &str) -> Result<Source, ReadError> {
+fn open(path: &Path, file: &str) -> Result<Source<'static>, ReadError> {
     let mut format = Format::of(path).ok_or_else(|| ReadError::UnknownFormat { file: file.to_string() })?;
     let io = |e: std::io::Error| io_error(file, &e);
     let mut handle = File::open(path).map_err(io)?;
@@ -164,7 +224,7 @@ fn open(path: &Path, file: &str) -> Result<Source, ReadError> {
     if start == mcap::MAGIC {
         format = Format::Mcap;
     }
-    Ok(Source { reader: std::io::Cursor::new(start).chain(handle), length, format })
+    Ok(Source { reader: Box::new(std::io::Cursor::new(start).chain(handle)), length, format })
 }
 
 /// What no format can carry, found before a byte is written.

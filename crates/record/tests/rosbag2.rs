@@ -6,7 +6,9 @@ use std::path::Path;
 use std::process::Command;
 
 use made_up::read;
-use pkm_record::{ReadOptions, read as read_with, write};
+use pkm_hal::cycle::{CycleRecord, Phase, flags};
+use pkm_record::cycles::{Folder, Layout, Options, Recorder};
+use pkm_record::{Attachments, Control, ControlStep, ReadOptions, read as read_with, write};
 
 /// Runs a script of this folder; none, with a word on why, where Python lacks the packages.
 fn python(script: &str, argument: &Path) -> Option<String> {
@@ -80,4 +82,51 @@ fn our_file_is_read_by_ros_tools() {
     ] {
         assert!(json.contains(part), "{part} is not in {json}");
     }
+}
+
+#[test]
+fn periods_and_steps_are_decoded_by_ros_tools_from_the_definitions_in_the_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let layout = Layout { joints: vec!["a".into()], epoch_ns: 5_000_000_000, carried: made_up::attachments(), ..Layout::default() };
+    let mut recorder = Recorder::begin(Box::new(Folder::new(directory.path())), layout, Options::default(), 0).unwrap();
+    let mut record = CycleRecord::new(1, 0);
+    (record.cycle, record.planned_ns, record.skipped, record.dt) = (7, 11, 2, [0.001]);
+    (record.flags, record.phase, record.value) = (flags::NEW_STATE | flags::SAFE, Phase::SafeStop.code(), [-0.5]);
+    (record.state.stamp_ns, record.command.tau[0], record.wrench[5]) = (13, 2.5, 6.5);
+    recorder.push(&record, 0);
+    recorder.finish(1).1.unwrap();
+    let Some(json) = python("read_with_python.py", &directory.path().join("cycles_0001.mcap")) else { return };
+    for part in [
+        "\"/pkm/cycle\": {\"schema\": \"pkm_msgs/msg/Cycle\", \"encoding\": \"ros2msg\", \"log_time\": 5000000013",
+        "\"cycle\": 7, \"planned_ns\": 11,",
+        "\"skipped\": 2, ",
+        "\"dt\": 0.001, \"motion_time\": 0.0, \"value\": -0.5,",
+        "\"phase\": 7,",
+        "\"flags\": 65,",
+        "\"tau_ff\": [0.0], \"tau_cmd\": [2.5], \"wrench\": [0.0, 0.0, 0.0, 0.0, 0.0, 6.5]",
+        "\"attachments\": [\"robot.toml\"]",
+    ] {
+        assert!(json.contains(part), "{part} is not in {json}");
+    }
+    let step = Control {
+        is_first: true,
+        is_faulted: false,
+        dt: 0.25,
+        q_meas: &[1.5],
+        tau_meas: &[2.5],
+        wrench_meas: [1.0; 6],
+        q_ref: &[3.5],
+        v_ref: &[4.5],
+        a_ref: &[5.5],
+        wrench_ref: [2.0; 6],
+        tau_ff: &[6.5],
+        command: &[7.5],
+    };
+    let carried = Attachments { controls: vec![ControlStep::new(7.5, 9, &step)], ..made_up::attachments() };
+    let path = directory.path().join("A.mcap");
+    write(&path, &made_up::recording(20, 7.5), &carried).unwrap();
+    let Some(json) = python("read_with_python.py", &path) else { return };
+    let part = "\"number\": 9, \"flags\": 1, \"dt\": 0.25, \"q_meas\": [1.5], \"tau_meas\": [2.5], \"wrench_meas\": [1.0, 1.0, 1.0, 1.0, 1.0, 1.0], \
+                \"q_ref\": [3.5], \"v_ref\": [4.5], \"a_ref\": [5.5], \"wrench_ref\": [2.0, 2.0, 2.0, 2.0, 2.0, 2.0], \"tau_ff\": [6.5], \"command\": [7.5]";
+    assert!(json.contains(part), "{json}");
 }

@@ -20,6 +20,7 @@ use crate::reference::{Reference, ReferenceOptions};
 use crate::trajectory::Trajectory;
 pub use instrumented::{Instrumented, run_instrumented};
 use log::Log;
+pub use pilot::{Step, Watch};
 use rates::Rates;
 use world::World;
 
@@ -182,13 +183,15 @@ pub struct Setup<'r> {
     pub laws: Vec<Box<dyn ForeignLaw>>,
     /// The controller, at its own rate; none is the PD of [`run`].
     pub controller: Option<Box<dyn Running>>,
+    /// Who is told every step of the controller.
+    pub watch: Option<Watch<'r>>,
 }
 
 impl<'r> Setup<'r> {
     /// The true robot and the nominal one under the PD of [`run`].
     #[must_use]
     pub fn new(robots: [&'r Robot; 2]) -> Self {
-        Self { robots, laws: Vec::new(), controller: None }
+        Self { robots, laws: Vec::new(), controller: None, watch: None }
     }
 }
 

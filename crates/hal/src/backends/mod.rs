@@ -1,5 +1,7 @@
-//! Backends that need nothing but this crate.
+//! Backends that need nothing of the workspace but this crate.
 
+#[cfg(feature = "iceoryx2")]
+pub mod iceoryx2;
 mod loopback;
 
 pub use loopback::Loopback;

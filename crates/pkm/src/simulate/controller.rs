@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use pkm_ctrl::{Running, config};
 use pkm_dyn::effects::Robot;
 use pkm_ident::Recording;
-use pkm_record::{Attachment, Attachments};
+use pkm_record::{Attachment, Attachments, Control, ControlStep};
+use pkm_sim::Step;
 
 /// Name of the file where it is attached.
-const ATTACHED: &str = "controller.toml";
+pub(crate) const ATTACHED: &str = "controller.toml";
 
 /// Choice of controller.
 #[derive(Debug, clap::Args)]
@@ -54,4 +55,24 @@ impl ControllerFile {
         attachments.files.push(Attachment { name, media_type, bytes: self.text.as_bytes().to_vec() });
         recording.meta.controller = Some(ATTACHED.to_string());
     }
+}
+
+/// A step of the controller as it is recorded.
+pub(crate) fn noted(step: &Step<'_>) -> ControlStep {
+    let signals = &step.signals;
+    let control = Control {
+        is_first: step.number == 0,
+        is_faulted: step.health.is_faulted,
+        dt: signals.dt,
+        q_meas: signals.q_meas,
+        tau_meas: signals.tau_meas,
+        wrench_meas: signals.wrench_meas,
+        q_ref: signals.q_ref,
+        v_ref: signals.v_ref,
+        a_ref: signals.a_ref,
+        wrench_ref: signals.wrench_ref,
+        tau_ff: signals.tau_ff,
+        command: step.command,
+    };
+    ControlStep::new(step.t, step.number, &control)
 }

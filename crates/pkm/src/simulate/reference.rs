@@ -34,6 +34,9 @@ pub(crate) struct MotionArgs {
     /// Frequencies of a chirp at its begin and end, LOW:HIGH in Hz [default: 0.1:2].
     #[arg(long, value_name = "HZ:HZ", value_parser = sweep)]
     sweep: Option<(f64, f64)>,
+    /// Topic of the joint states of the recording played back, where an MCAP file has several.
+    #[arg(long, value_name = "TOPIC")]
+    topic: Option<String>,
 }
 
 fn sweep(text: &str) -> Result<(f64, f64), String> {
@@ -110,7 +113,7 @@ impl MotionArgs {
             bail!("{}: no such file, and no motion of that name (there are: {})", self.place(), known.join(", "));
         }
         let file = path.display().to_string();
-        let recording = pkm_record::read(&path, &ReadOptions::default())?;
+        let recording = pkm_record::read(&path, &ReadOptions { topic: self.topic.clone(), recover: false })?;
         let mut columns = Vec::new();
         for &j in &model.actuators {
             let name = format!("q_ref.{}", model.joints[j].name);

@@ -2,13 +2,16 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails, outside #[test] functions too")]
 
 mod bad_input;
+mod bags;
 mod controllers;
+mod doctor;
 mod excite;
 mod export;
 mod fixture;
 mod identify;
 mod mu;
 mod plan;
+mod replay;
 mod reproduce;
 mod simulate;
 mod twin;

@@ -10,24 +10,24 @@ enum EmptyList {
 }
 
 /// Why a message is not what its schema says.
-pub(super) type Fault = &'static str;
+pub(crate) type Fault = &'static str;
 
 const SHORT: Fault = "the message ends too early";
 
 /// `std_msgs/msg/Header`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Header {
+pub(crate) struct Header {
     /// `[ns]`.
-    pub(super) stamp_ns: i64,
+    pub(crate) stamp_ns: i64,
 }
 
 /// `sensor_msgs/msg/JointState`; each list of numbers may be empty.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct JointState<'a> {
-    pub(super) header: Header,
-    pub(super) names: Vec<&'a str>,
+pub(crate) struct JointState<'a> {
+    pub(crate) header: Header,
+    pub(crate) names: Vec<&'a str>,
     /// Position, velocity, effort.
-    pub(super) fields: [Vec<f64>; 3],
+    pub(crate) fields: [Vec<f64>; 3],
 }
 
 /// A message being read.
@@ -68,6 +68,12 @@ impl<'a> Reader<'a> {
         self.align(4);
         let bytes: [u8; 4] = self.bytes(4)?.try_into().map_err(|_| SHORT)?;
         Ok(if self.is_big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
+    }
+
+    fn u64(&mut self) -> Result<u64, Fault> {
+        self.align(8);
+        let bytes: [u8; 8] = self.bytes(8)?.try_into().map_err(|_| SHORT)?;
+        Ok(if self.is_big { u64::from_be_bytes(bytes) } else { u64::from_le_bytes(bytes) })
     }
 
     fn count(&mut self) -> Result<usize, Fault> {
@@ -122,7 +128,7 @@ impl<'a> Reader<'a> {
 }
 
 /// Reads a `JointState`.
-pub(super) fn joint_state(message: &[u8]) -> Result<JointState<'_>, Fault> {
+pub(crate) fn joint_state(message: &[u8]) -> Result<JointState<'_>, Fault> {
     let mut bare = Reader::new(message, EmptyList::Bare)?;
     let state = bare.joint_state();
     // Up to three bytes may pad the end of a message; more means that lists were not where they were looked for.
@@ -136,8 +142,32 @@ pub(super) fn joint_state(message: &[u8]) -> Result<JointState<'_>, Fault> {
     }
 }
 
+/// `pkm_msgs/msg/Control`.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Control {
+    pub(crate) header: Header,
+    pub(crate) number: u64,
+    pub(crate) flags: u32,
+    pub(crate) dt: f64,
+    /// In the order of the definition.
+    pub(crate) lists: [Vec<f64>; 9],
+}
+
+/// Reads a [`Control`].
+pub(crate) fn control(message: &[u8]) -> Result<Control, Fault> {
+    let mut reader = Reader::new(message, EmptyList::Bare)?;
+    let header = reader.header()?;
+    let (number, flags) = (reader.u64()?, reader.u32()?);
+    let dt = reader.f64s(1)?.first().copied().ok_or(SHORT)?;
+    let mut lists: [Vec<f64>; 9] = Default::default();
+    for list in &mut lists {
+        *list = reader.f64_list()?;
+    }
+    Ok(Control { header, number, flags, dt, lists })
+}
+
 /// Reads a header followed by `n` numbers: `WrenchStamped` (6) and `PoseStamped` (7).
-pub(super) fn stamped(message: &[u8], n: usize) -> Result<(Header, Vec<f64>), Fault> {
+pub(crate) fn stamped(message: &[u8], n: usize) -> Result<(Header, Vec<f64>), Fault> {
     let mut reader = Reader::new(message, EmptyList::Bare)?;
     let header = reader.header()?;
     let numbers = reader.f64s(n)?;
@@ -146,7 +176,7 @@ pub(super) fn stamped(message: &[u8], n: usize) -> Result<(Header, Vec<f64>), Fa
 
 /// A message being written, little-endian.
 #[derive(Debug, Default)]
-pub(super) struct Writer {
+pub(crate) struct Writer {
     buffer: Vec<u8>,
 }
 
@@ -155,7 +185,7 @@ impl Writer {
     const HEAD: [u8; 4] = [0, 1, 0, 0];
 
     /// Starts a new message with its header.
-    pub(super) fn start(&mut self, stamp_ns: i64, frame: &str) {
+    pub(crate) fn start(&mut self, stamp_ns: i64, frame: &str) {
         self.buffer.clear();
         self.buffer.extend_from_slice(&Self::HEAD);
         // The caller's stamps are within the seconds of an int32; saturation is for nobody.
@@ -167,7 +197,7 @@ impl Writer {
     }
 
     /// The message.
-    pub(super) fn finish(&self) -> &[u8] {
+    pub(crate) fn finish(&self) -> &[u8] {
         &self.buffer
     }
 
@@ -176,25 +206,38 @@ impl Writer {
         self.buffer.resize(wanted, 0);
     }
 
-    fn u32(&mut self, value: u32) {
+    /// A 32-bit number.
+    pub(crate) fn u32(&mut self, value: u32) {
         self.align(4);
         self.buffer.extend_from_slice(&value.to_le_bytes());
     }
 
+    /// A 64-bit number.
+    pub(crate) fn u64(&mut self, value: u64) {
+        self.align(8);
+        self.buffer.extend_from_slice(&value.to_le_bytes());
+    }
+
+    /// A list of numbers with its length.
+    pub(crate) fn f64s(&mut self, values: &[f64]) {
+        self.count(values.len());
+        values.iter().for_each(|value| self.f64(*value));
+    }
+
     /// A length; nothing that fits a file has more than 2³² parts.
-    pub(super) fn count(&mut self, n: usize) {
+    pub(crate) fn count(&mut self, n: usize) {
         self.u32(u32::try_from(n).unwrap_or(u32::MAX));
     }
 
     /// A text with its closing zero.
-    pub(super) fn text(&mut self, text: &str) {
+    pub(crate) fn text(&mut self, text: &str) {
         self.count(text.len() + 1);
         self.buffer.extend_from_slice(text.as_bytes());
         self.buffer.push(0);
     }
 
     /// One number.
-    pub(super) fn f64(&mut self, value: f64) {
+    pub(crate) fn f64(&mut self, value: f64) {
         self.align(8);
         self.buffer.extend_from_slice(&value.to_le_bytes());
     }

@@ -1,35 +1,43 @@
 //! Which column lives in which topic. Reading and writing share this one table.
 
 /// Topic of measured states, the time base of a recording.
-pub(super) const STATES: &str = "/joint_states";
+pub(crate) const STATES: &str = "/joint_states";
 /// Topic of commanded efforts.
-pub(super) const COMMANDS: &str = "/joint_commands";
+pub(crate) const COMMANDS: &str = "/joint_commands";
 /// Topic of every column that has no place of its own; joint names are column names.
-pub(super) const SIGNALS: &str = "/pkm/signals";
+pub(crate) const SIGNALS: &str = "/pkm/signals";
+/// Topic of the periods of a loop.
+pub(crate) const CYCLES: &str = "/pkm/cycle";
+/// Topic of the steps of a controller.
+pub(crate) const CONTROLS: &str = "/pkm/control";
+/// Topic of measured states' references.
+pub(crate) const REFERENCES: &str = "/joint_references";
+/// Topic of reference accelerations, as positions.
+pub(crate) const REFERENCE_ACCELERATIONS: &str = "/joint_reference_accelerations";
 /// Prefix of wrench topics.
-pub(super) const WRENCH: &str = "/wrench/";
+pub(crate) const WRENCH: &str = "/wrench/";
 /// Prefix of pose topics.
-pub(super) const POSE: &str = "/pose/";
+pub(crate) const POSE: &str = "/pose/";
 
 /// Topics of `JointState` with the column prefixes of position, velocity and effort.
-pub(super) const JOINT_TOPICS: [(&str, [Option<&str>; 3]); 6] = [
+pub(crate) const JOINT_TOPICS: [(&str, [Option<&str>; 3]); 6] = [
     (STATES, [Some("q"), Some("dq"), Some("tau")]),
-    ("/joint_references", [Some("q_ref"), Some("dq_ref"), Some("tau_ref")]),
+    (REFERENCES, [Some("q_ref"), Some("dq_ref"), Some("tau_ref")]),
     // JointState has no acceleration: it travels as the position of a topic of its own.
-    ("/joint_reference_accelerations", [Some("ddq_ref"), None, None]),
+    (REFERENCE_ACCELERATIONS, [Some("ddq_ref"), None, None]),
     (COMMANDS, [Some("q_cmd"), Some("dq_cmd"), Some("tau_cmd")]),
     ("/joint_link_states", [Some("q_link"), None, None]),
     ("/joint_temperatures", [Some("temp"), None, None]),
 ];
 
 /// Components of a wrench in message order.
-pub(super) const WRENCH_PARTS: [&str; 6] = ["fx", "fy", "fz", "mx", "my", "mz"];
+pub(crate) const WRENCH_PARTS: [&str; 6] = ["fx", "fy", "fz", "mx", "my", "mz"];
 /// Components of a pose in message order.
-pub(super) const POSE_PARTS: [&str; 7] = ["x", "y", "z", "qx", "qy", "qz", "qw"];
+pub(crate) const POSE_PARTS: [&str; 7] = ["x", "y", "z", "qx", "qy", "qz", "qw"];
 
 /// Message types a recording is made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Kind {
+pub(crate) enum Kind {
     Joints,
     Wrench,
     Pose,
@@ -37,7 +45,7 @@ pub(super) enum Kind {
 
 /// Where a column goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Slot<'a> {
+pub(crate) enum Slot<'a> {
     /// Field 0 to 2 of that joint.
     Joint { topic: &'static str, field: usize, joint: &'a str },
     /// Component of a wrench or pose.
@@ -45,7 +53,7 @@ pub(super) enum Slot<'a> {
 }
 
 /// The place of a column.
-pub(super) fn slot(column: &str) -> Slot<'_> {
+pub(crate) fn slot(column: &str) -> Slot<'_> {
     let spare = Slot::Joint { topic: SIGNALS, field: 0, joint: column };
     let Some((prefix, rest)) = column.split_once('.') else { return spare };
     for (topic, prefixes) in JOINT_TOPICS {
@@ -65,7 +73,7 @@ pub(super) fn slot(column: &str) -> Slot<'_> {
 /// The column of field `field` of the entry `name` of a topic, if the topic has such a column.
 ///
 /// `/joint_states` stands for whichever topic was chosen as time base.
-pub(super) fn column(topic: &str, field: usize, name: &str) -> Option<String> {
+pub(crate) fn column(topic: &str, field: usize, name: &str) -> Option<String> {
     if topic == SIGNALS {
         return (field == 0).then(|| name.to_string());
     }
@@ -81,7 +89,7 @@ pub(super) fn column(topic: &str, field: usize, name: &str) -> Option<String> {
 }
 
 /// Whether a topic of joint states is one of ours with another meaning than measured states.
-pub(super) fn is_auxiliary(topic: &str) -> bool {
+pub(crate) fn is_auxiliary(topic: &str) -> bool {
     topic == SIGNALS || JOINT_TOPICS.iter().any(|(t, _)| *t == topic && *t != STATES)
 }
 

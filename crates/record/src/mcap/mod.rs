@@ -4,22 +4,22 @@
 
 mod align;
 mod bytes;
-mod cdr;
-mod columns;
+pub(crate) mod cdr;
+pub(crate) mod columns;
 mod read;
 mod scan;
-mod schema;
+pub(crate) mod schema;
 mod series;
 mod write;
 
-pub(crate) use read::{read, read_attachments};
+pub(crate) use read::{read, read_attachments, read_controls};
 pub(crate) use write::write;
 
 /// First and last bytes of every MCAP file.
 pub(crate) const MAGIC: &[u8] = ::mcap::MAGIC;
 
 /// Name of the metadata record that holds the recording's keys.
-const RECORD: &str = "pkm";
+pub(crate) const RECORD: &str = "pkm";
 
 /// Above this a time in nanoseconds has no exact `f64`.
 const EXACT: u64 = 1 << 53;

@@ -8,9 +8,9 @@ use pkm_ident::{EffortKind, Meta, Recording};
 use super::columns::{self, Kind};
 use super::scan::{Damage, Event, Walk, scan};
 use super::series::{Series, cells_allowed};
-use super::{align, schema, seconds};
+use super::{align, cdr, schema, seconds};
 use crate::error::{ReadError, clip, list};
-use crate::{Attachment, Attachments, ReadOptions, meta};
+use crate::{Attachment, Attachments, ControlStep, ReadOptions, meta};
 
 /// Reads the recording; `file` names it in the recording and in errors.
 pub(crate) fn read(file: &str, source: impl Read, length: u64, options: &ReadOptions) -> Result<Recording, ReadError> {
@@ -28,8 +28,7 @@ pub(crate) fn read(file: &str, source: impl Read, length: u64, options: &ReadOpt
         return Err(ReadError::Message { file: file.to_string(), topic: clip(&series.topic), number, what });
     }
     if let Some(damage) = damage {
-        let text = format!("{} messages; first damage at byte {}: {}", collected.messages, damage.byte, damage.what);
-        meta.other.insert("recovered".to_string(), text);
+        meta.other.insert("recovered".to_string(), recovered(collected.messages, &damage));
     } else if !faults.is_empty() {
         let topics = list(faults.iter().map(|s| s.topic.as_str()));
         meta.other.insert("recovered".to_string(), format!("{} messages without unreadable ones of {topics}", collected.messages));
@@ -43,11 +42,70 @@ pub(crate) fn read(file: &str, source: impl Read, length: u64, options: &ReadOpt
     Ok(recording)
 }
 
+/// How much of a damaged file came back, and how much did not.
+fn recovered(messages: u64, damage: &Damage) -> String {
+    let lost = match damage.promised.map(|promised| promised.saturating_sub(messages)) {
+        // No count of the file's covers what it was cut off in.
+        Some(0) | None if damage.lost_bytes > 0 => format!("what was in {} bytes lost", damage.lost_bytes),
+        Some(lost) if lost > 0 && damage.lost_bytes > 0 => format!("{lost} lost ({} bytes)", damage.lost_bytes),
+        Some(lost) => format!("{lost} lost"),
+        None => "none lost".to_string(),
+    };
+    format!("{messages} messages, {lost}; first damage at byte {}: {}", damage.byte, damage.what)
+}
+
 /// Reads the carried files.
 pub(crate) fn read_attachments(file: &str, source: impl Read, length: u64, options: &ReadOptions) -> Result<Attachments, ReadError> {
     let (collected, damage) = collect(file, source, length, Keep::Files)?;
     refuse(file, &collected, damage.as_ref(), options)?;
-    Ok(Attachments { files: collected.files, keys: BTreeMap::new() })
+    Ok(Attachments { files: collected.files, ..Attachments::default() })
+}
+
+/// Hands the steps of the controller to `each`.
+pub(crate) fn read_controls(
+    file: &str,
+    source: impl Read,
+    length: u64,
+    options: &ReadOptions,
+    each: &mut dyn FnMut(ControlStep),
+) -> Result<(), ReadError> {
+    let (mut channels, mut types, mut messages) = (BTreeSet::new(), BTreeSet::new(), 0_u64);
+    let mut offset_ns = 0;
+    let mut take = |event: Event<'_>| -> Result<(), String> {
+        match event {
+            Event::Schema { id, name } if name == schema::CONTROL => {
+                types.insert(id);
+            }
+            Event::Channel { id, schema, topic, encoding } => {
+                if types.contains(&schema) && topic == columns::CONTROLS && encoding == schema::MESSAGES {
+                    channels.insert(id);
+                }
+            }
+            Event::Metadata { name, pairs } if name == super::RECORD => {
+                let seconds: i32 = pairs.get(meta::TIME_OFFSET).and_then(|text| text.parse().ok()).unwrap_or(0);
+                offset_ns = i64::from(seconds) * 1_000_000_000;
+            }
+            Event::Message { channel, data, .. } => {
+                messages += 1;
+                if channels.contains(&channel) {
+                    let unreadable = |what| format!("a step of the controller cannot be read: {what}");
+                    let message = cdr::control(data).map_err(unreadable)?;
+                    let t = seconds(message.header.stamp_ns.saturating_add(offset_ns));
+                    each(ControlStep::from_message(t, &message).map_err(unreadable)?);
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    };
+    let mut buffered = std::io::BufReader::with_capacity(1 << 16, source);
+    match scan(&mut buffered, length, &mut take).map_err(|e| crate::io_error(file, &e))? {
+        Walk::NotMcap => Err(ReadError::NotMcap { file: file.to_string() }),
+        Walk::Damaged(damage) if !options.recover => {
+            Err(ReadError::Damaged { file: file.to_string(), byte: damage.byte, what: damage.what, messages })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// What of a file is kept.

@@ -42,6 +42,10 @@ pub(super) struct Damage {
     pub(super) byte: u64,
     /// What is wrong.
     pub(super) what: String,
+    /// Messages that the file says it has: its statistics, or else the indexes behind its chunks.
+    pub(super) promised: Option<u64>,
+    /// Bytes of records that could not be read, and bytes behind the last one.
+    pub(super) lost_bytes: u64,
 }
 
 /// How a walk ended.
@@ -60,12 +64,25 @@ pub(super) type Sink<'a> = dyn FnMut(Event<'_>) -> Result<(), String> + 'a;
 
 /// Walks a file of `length` bytes; whatever is complete goes to `sink` also behind a damaged record.
 pub(super) fn scan(source: impl Read, length: u64, sink: &mut Sink<'_>) -> io::Result<Walk> {
-    let mut walk = Scanner { source, length, at: 0, buffer: Vec::new(), sum: crc32fast::Hasher::new(), damage: None, inflated: 0 };
+    let mut walk = Scanner {
+        source,
+        length,
+        at: 0,
+        buffer: Vec::new(),
+        sum: crc32fast::Hasher::new(),
+        damage: None,
+        inflated: 0,
+        statistics: None,
+        indexed: 0,
+        lost_bytes: 0,
+    };
     if length < super::MAGIC.len() as u64 || !walk.is_magic()? {
         return Ok(Walk::NotMcap);
     }
     while walk.record(sink)? {}
-    Ok(walk.damage.map_or(Walk::Whole, Walk::Damaged))
+    let (indexed, lost_bytes) = (walk.indexed, walk.lost_bytes);
+    let promised = walk.statistics.or_else(|| (indexed > 0).then_some(indexed));
+    Ok(walk.damage.map_or(Walk::Whole, |damage| Walk::Damaged(Damage { promised, lost_bytes, ..damage })))
 }
 
 struct Scanner<R> {
@@ -78,6 +95,10 @@ struct Scanner<R> {
     damage: Option<Damage>,
     /// Bytes that came out of chunks so far.
     inflated: u64,
+    /// Messages by the statistics, and by the indexes.
+    statistics: Option<u64>,
+    indexed: u64,
+    lost_bytes: u64,
 }
 
 impl<R: Read> Scanner<R> {
@@ -87,7 +108,7 @@ impl<R: Read> Scanner<R> {
 
     fn note(&mut self, byte: u64, what: impl Into<String>) {
         if self.damage.is_none() {
-            self.damage = Some(Damage { byte, what: what.into() });
+            self.damage = Some(Damage { byte, what: what.into(), promised: None, lost_bytes: 0 });
         }
     }
 
@@ -125,6 +146,7 @@ impl<R: Read> Scanner<R> {
         if self.left() < HEAD {
             let what = format!("the file ends without its end mark ({} of {HEAD} bytes of a record are there)", self.left());
             self.note(start, what);
+            self.lost_bytes += self.left();
             return Ok(false);
         }
         let sum = self.sum.clone().finalize();
@@ -136,13 +158,14 @@ impl<R: Read> Scanner<R> {
         if length > self.left() {
             let what = format!("a record (opcode {opcode:#04x}) of {length} bytes, but {} are left in the file", self.left());
             self.note(start, what);
+            self.lost_bytes += HEAD + self.left();
             return Ok(false);
         }
         let limit = match opcode {
             op::CHUNK => MAX_CHUNK,
             // An attachment of any size is no damage: it is passed over.
             op::HEADER | op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA | op::DATA_END | op::FOOTER => MAX_RECORD,
-            op::ATTACHMENT if length <= MAX_RECORD => MAX_RECORD,
+            op::ATTACHMENT | op::MESSAGE_INDEX | op::STATISTICS if length <= MAX_RECORD => MAX_RECORD,
             _ => {
                 self.skip(length)?;
                 return Ok(true);
@@ -150,22 +173,36 @@ impl<R: Read> Scanner<R> {
         };
         if length > limit {
             self.note(start, format!("a record (opcode {opcode:#04x}) of {length} bytes (limit {limit})"));
+            self.lost_bytes += HEAD + length;
             self.skip(length)?;
             return Ok(true);
         }
         self.load(length)?;
         match opcode {
             op::CHUNK => self.chunk(start, sink),
+            op::MESSAGE_INDEX | op::STATISTICS => self.count(opcode),
             op::DATA_END => self.check_sum(start, sum),
             op::FOOTER => return self.end(),
             _ => {
                 let body = self.buffer.get(9..).unwrap_or_default();
                 if let Err(what) = emit(opcode, body, sink) {
                     self.note(start, what);
+                    self.lost_bytes += HEAD + length;
                 }
             }
         }
         Ok(true)
+    }
+
+    /// How many messages there were before anything was damaged; believed for a count and for nothing else.
+    fn count(&mut self, opcode: u8) {
+        let mut body = Bytes(self.buffer.get(9..).unwrap_or_default());
+        if opcode == op::STATISTICS {
+            self.statistics = body.u64();
+        } else if let (Some(_channel), Some(entries)) = (body.u16(), body.block()) {
+            // A time and a place each.
+            self.indexed = self.indexed.saturating_add(entries.len() as u64 / 16);
+        }
     }
 
     fn check_sum(&mut self, start: u64, sum: u32) {
@@ -194,16 +231,20 @@ impl<R: Read> Scanner<R> {
 
     fn chunk(&mut self, start: u64, sink: &mut Sink<'_>) {
         let body = self.buffer.get(9..).unwrap_or_default();
+        let length = self.buffer.len() as u64;
         let Some((inflated, packed)) = chunk_sizes(body) else {
+            self.lost_bytes += length;
             return self.note(start, "the chunk header does not fit its record");
         };
         let allowed = MAX_TOTAL.0.saturating_add(self.length.saturating_mul(MAX_TOTAL.1));
         self.inflated = self.inflated.saturating_add(inflated.max(packed));
         if inflated > MAX_CHUNK || self.inflated > allowed {
             let what = format!("a chunk claims {inflated} bytes decompressed (limits {MAX_CHUNK} and {allowed} in all)");
+            self.lost_bytes += length;
             return self.note(start, what);
         }
         if let Err(what) = inflate(&self.buffer, sink) {
+            self.lost_bytes += length;
             self.note(start, what);
         }
     }

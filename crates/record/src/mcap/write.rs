@@ -10,9 +10,10 @@ use pkm_ident::Recording;
 
 use super::columns::{self, Kind, Slot};
 use super::{cdr, schema};
-use crate::Attachment;
+use crate::cycles::{ControlStep, encode_control};
 use crate::error::WriteError;
 use crate::meta::{self, Pair};
+use crate::{Attachment, Attachments};
 
 /// Bytes of a chunk before compression: what a broken-off file loses at most.
 const CHUNK: u64 = 128 << 10;
@@ -32,8 +33,8 @@ enum Topic<'a> {
 }
 
 /// Writes the whole file; metadata and carried files come first, so that a broken-off file still has them.
-pub(crate) fn write(file: &str, out: &mut File, recording: &Recording, extra: (Vec<Pair>, &[Attachment])) -> Result<(), WriteError> {
-    let (pairs, files) = extra;
+pub(crate) fn write(file: &str, out: &mut File, recording: &Recording, extra: (Vec<Pair>, &Attachments)) -> Result<(), WriteError> {
+    let (pairs, carried) = extra;
     let offset = offset_seconds(file, recording)?;
     let stamps = stamps(file, recording, offset)?;
     let mut record: BTreeMap<String, String> = pairs.into_iter().map(|p| (p.key, p.text)).collect();
@@ -42,7 +43,8 @@ pub(crate) fn write(file: &str, out: &mut File, recording: &Recording, extra: (V
         record.insert(meta::TIME_OFFSET.to_string(), offset.to_string());
     }
     let failed = |e: McapError| WriteError::Io { file: file.to_string(), detail: e.to_string() };
-    messages(out, (recording, &stamps), record, files).map_err(failed)
+    let steps = control_stamps(file, &carried.controls, offset)?;
+    messages(out, (recording, &stamps), record, (&carried.files, &steps)).map_err(failed)
 }
 
 /// Whole seconds that make every stamp of the recording positive when taken away.
@@ -63,11 +65,21 @@ fn stamps(file: &str, recording: &Recording, offset: i64) -> Result<Vec<i64>, Wr
     Ok(stamps)
 }
 
+/// The steps of the controller with their stamps `[ns]`.
+fn control_stamps<'a>(file: &str, steps: &'a [ControlStep], offset: i64) -> Result<Vec<(i64, &'a ControlStep)>, WriteError> {
+    let stamp = |(sample, step): (usize, &'a ControlStep)| {
+        let fits = |s: &i64| (0..=i64::from(i32::MAX)).contains(&s.div_euclid(1_000_000_000));
+        let found = super::stamp_ns(step.t).map(|s| s - offset * 1_000_000_000).filter(fits);
+        found.map(|s| (s, step)).ok_or_else(|| WriteError::Stamp { file: file.to_string(), sample, t: step.t })
+    };
+    steps.iter().enumerate().map(stamp).collect()
+}
+
 fn messages(
     out: &mut File,
     samples: (&Recording, &[i64]),
     record: BTreeMap<String, String>,
-    files: &[Attachment],
+    (files, steps): (&[Attachment], &[(i64, &ControlStep)]),
 ) -> Result<(), McapError> {
     let (recording, stamps) = samples;
     let mut writer = WriteOptions::new()
@@ -86,6 +98,7 @@ fn messages(
     for (name, topic) in topics_of(recording) {
         topics.push((channel(&mut writer, &name, &topic)?, topic));
     }
+    let mut controls = Controls { steps, channel: None };
     let mut message = cdr::Writer::default();
     for (k, stamp) in stamps.iter().enumerate() {
         let sequence = u32::try_from(k).unwrap_or(u32::MAX);
@@ -96,10 +109,46 @@ fn messages(
             let header = MessageHeader { channel_id: *channel_id, sequence, log_time: time, publish_time: time };
             writer.write_to_known_channel(&header, message.finish())?;
         }
+        controls.write(&mut writer, &mut message, *stamp)?;
     }
+    controls.write(&mut writer, &mut message, i64::MAX)?;
     writer.finish()?;
     std::io::Write::flush(&mut writer.into_inner())?;
     Ok(())
+}
+
+/// Steps of the controller that are still to be written.
+struct Controls<'a> {
+    steps: &'a [(i64, &'a ControlStep)],
+    channel: Option<u16>,
+}
+
+impl Controls<'_> {
+    /// Writes those up to a stamp.
+    fn write<W: std::io::Write + std::io::Seek>(
+        &mut self,
+        writer: &mut Writer<W>,
+        message: &mut cdr::Writer,
+        until: i64,
+    ) -> Result<(), McapError> {
+        while let Some(((stamp, step), rest)) = self.steps.split_first()
+            && *stamp <= until
+        {
+            let channel_id = match self.channel {
+                Some(channel) => channel,
+                None => {
+                    let id = writer.add_schema(schema::CONTROL, schema::ENCODING, schema::CONTROL_TEXT.as_bytes())?;
+                    writer.add_channel(id, columns::CONTROLS, schema::MESSAGES, &BTreeMap::new())?
+                }
+            };
+            (self.channel, self.steps) = (Some(channel_id), rest);
+            encode_control(message, *stamp, step.number, &step.as_control());
+            let time = u64::try_from(*stamp).unwrap_or(0);
+            let sequence = u32::try_from(step.number).unwrap_or(u32::MAX);
+            writer.write_to_known_channel(&MessageHeader { channel_id, sequence, log_time: time, publish_time: time }, message.finish())?;
+        }
+        Ok(())
+    }
 }
 
 fn channel<W: std::io::Write + std::io::Seek>(writer: &mut Writer<W>, name: &str, topic: &Topic<'_>) -> Result<u16, McapError> {

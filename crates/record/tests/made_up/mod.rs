@@ -72,7 +72,7 @@ pub(crate) fn recording(samples: u32, start: f64) -> Recording {
 
 pub(crate) fn attachments() -> Attachments {
     let file = Attachment { name: "robot.toml".into(), media_type: "application/toml".into(), bytes: b"name = \"x\"".to_vec() };
-    Attachments { files: vec![file], keys: BTreeMap::from([("config_hash".to_string(), "abc".to_string())]) }
+    Attachments { files: vec![file], keys: BTreeMap::from([("config_hash".to_string(), "abc".to_string())]), ..Attachments::default() }
 }
 
 /// Signals compared by their bits: NaN equals NaN, 0 does not equal -0.

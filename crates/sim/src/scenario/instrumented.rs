@@ -62,7 +62,8 @@ pub fn run_instrumented(
         Some(controller) => controller,
         None => Box::new(DrivePds::try_new(&nominal.model, period)?),
     };
-    let mut pilot = Pilot::try_new(controller, &nominal.model, period * rates.per_control as f64, &sample)?;
+    let pilot = Pilot::try_new(controller, &nominal.model, period * rates.per_control as f64, &sample)?;
+    let mut pilot = pilot.watched(setup.watch);
     pilot.weigh(&sample, 0.0)?;
     let n = nominal.model.n_act();
     let drives = equipped(truth, equipment, period)?;

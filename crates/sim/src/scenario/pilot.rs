@@ -1,7 +1,7 @@
 //! The controller of a run: what it is given, the efforts it commands, and its fault as an error.
 
 use pkm_ctrl::catalogue::Drives;
-use pkm_ctrl::{Fault, FaultCode, Running, Signals};
+use pkm_ctrl::{Fault, FaultCode, Health, Running, Signals};
 use pkm_dyn::Data;
 use pkm_dyn::inverse_dynamics::inverse_dynamics;
 use pkm_dyn::loops::{assemble, walk_to};
@@ -21,6 +21,24 @@ pub(super) struct Measured<'m> {
     pub(super) wrench: [f64; 6],
 }
 
+/// One step of the controller of a run, as it was made.
+#[derive(Debug, Clone, Copy)]
+pub struct Step<'a> {
+    /// Time of the run `[s]`.
+    pub t: f64,
+    /// Number of the step, from zero.
+    pub number: u64,
+    /// What the controller was given.
+    pub signals: Signals<'a>,
+    /// What it answered: efforts `[N | N·m]`, or voltages `[V]`.
+    pub command: &'a [f64],
+    /// How it went.
+    pub health: Health,
+}
+
+/// Who is told every step.
+pub type Watch<'r> = Box<dyn FnMut(&Step<'_>) + 'r>;
+
 /// A controller with the nominal model whose weight it is fed.
 pub(super) struct Pilot<'r> {
     controller: Box<dyn Running>,
@@ -34,6 +52,8 @@ pub(super) struct Pilot<'r> {
     sent_last: Vec<f64>,
     /// Efforts for the drives `[N | N·m]`.
     pub(super) command: Vec<f64>,
+    watch: Option<Watch<'r>>,
+    steps: u64,
 }
 
 impl<'r> Pilot<'r> {
@@ -48,7 +68,12 @@ impl<'r> Pilot<'r> {
         }
         let zero = vec![0.0; n];
         let (sent, sent_last, command) = (zero.clone(), zero.clone(), zero.clone());
-        Ok(Self { controller, nominal, data, period, zero, sent, sent_last, command })
+        Ok(Self { controller, nominal, data, period, zero, sent, sent_last, command, watch: None, steps: 0 })
+    }
+
+    /// Tells `watch` every step.
+    pub(super) fn watched(self, watch: Option<Watch<'r>>) -> Self {
+        Self { watch, ..self }
     }
 
     /// Efforts that hold the nominal robot where it was last weighed `[N | N·m]`.
@@ -75,6 +100,10 @@ impl<'r> Pilot<'r> {
             tau_ff: self.data.tau_act.as_slice(),
         };
         let health = self.controller.step(&signals, &mut self.sent);
+        if let Some(watch) = &mut self.watch {
+            watch(&Step { t, number: self.steps, signals, command: &self.sent, health });
+        }
+        self.steps += 1;
         let about = self.controller.about();
         if health.is_faulted {
             let own = Fault { code: FaultCode::Controller, drive: 0, value: 0.0, limit: 0.0 };

@@ -55,7 +55,7 @@ impl<'r> World<'r> {
             Some(controller) => controller,
             None => Box::new(DrivePds::try_new(model, period)?),
         };
-        let pilot = Pilot::try_new(controller, model, period * rates.per_control as f64, &sample)?;
+        let pilot = Pilot::try_new(controller, model, period * rates.per_control as f64, &sample)?.watched(setup.watch);
         let mut drives = Vec::new();
         for &j in &model.actuators {
             drives.push(Drive {

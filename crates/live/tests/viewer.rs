@@ -1,0 +1,180 @@
+//! A viewer of Foxglove's protocol, written from its specification, looks at a loop.
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+extern crate alloc;
+
+use alloc::collections::BTreeMap;
+use core::time::Duration;
+use std::net::TcpStream;
+
+use pkm_hal::cycle::{CycleRecord, Phase, flags};
+use pkm_hal::frame::first_bits;
+use pkm_live::{Live, Options};
+use pkm_record::cycles::Layout;
+use serde_json::{Value, json};
+use tungstenite::client::IntoClientRequest;
+use tungstenite::{Message, WebSocket};
+
+const MS: u64 = 1_000_000;
+const EPOCH: u64 = 1_700_000_000_000_000_000;
+
+fn layout() -> Layout {
+    Layout { joints: vec!["q1".into(), "q2".into()], sensors: vec!["wrench.foot.fz".into()], epoch_ns: EPOCH, ..Layout::default() }
+}
+
+fn record(cycle: u64) -> CycleRecord {
+    let mut out = CycleRecord::new(2, 1);
+    (out.cycle, out.planned_ns, out.flags) = (cycle, cycle * MS, flags::NEW_STATE | flags::COMMANDED);
+    out.phase = Phase::Position.code();
+    (out.state.sequence, out.state.stamp_ns) = (cycle, cycle * MS);
+    (out.state.valid_q, out.state.valid_tau, out.state.valid_sensor) = (first_bits(2), first_bits(2), 1);
+    (out.state.q[0], out.state.q[1]) = (cycle as f64 / 3.0, -(cycle as f64));
+    out
+}
+
+struct Viewer(WebSocket<TcpStream>);
+
+impl Viewer {
+    fn connect(port: u16) -> Self {
+        let stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        let mut request = format!("ws://127.0.0.1:{port}").into_client_request().unwrap();
+        request.headers_mut().insert("Sec-WebSocket-Protocol", "foxglove.sdk.v1".parse().unwrap());
+        let (socket, response) = tungstenite::client(request, stream).unwrap();
+        assert_eq!(response.headers()["Sec-WebSocket-Protocol"], "foxglove.sdk.v1");
+        Self(socket)
+    }
+
+    /// The next message of text, as JSON.
+    fn told(&mut self) -> Value {
+        loop {
+            if let Message::Text(text) = self.0.read().unwrap() {
+                return serde_json::from_str(&text).unwrap();
+            }
+        }
+    }
+
+    /// Topics that are advertised: name to the whole entry.
+    fn advertised(&mut self, how_many: usize) -> BTreeMap<String, Value> {
+        let mut out = BTreeMap::new();
+        while out.len() < how_many {
+            let told = self.told();
+            if told["op"] == "advertise" {
+                for channel in told["channels"].as_array().unwrap() {
+                    out.insert(channel["topic"].as_str().unwrap().to_string(), channel.clone());
+                }
+            }
+        }
+        out
+    }
+
+    fn subscribe(&mut self, id: u32, channel: &Value) {
+        let text = json!({"op": "subscribe", "subscriptions": [{"id": id, "channelId": channel["id"]}]}).to_string();
+        self.0.send(Message::Text(text.into())).unwrap();
+    }
+
+    /// The next message data: subscription, time [ns], payload.
+    fn data(&mut self) -> (u32, u64, Vec<u8>) {
+        loop {
+            if let Message::Binary(bytes) = self.0.read().unwrap()
+                && bytes[0] == 1
+            {
+                let id = u32::from_le_bytes(bytes[1..5].try_into().unwrap());
+                return (id, u64::from_le_bytes(bytes[5..13].try_into().unwrap()), bytes[13..].to_vec());
+            }
+        }
+    }
+}
+
+fn any_port() -> Options {
+    Options { port: 0, ..Options::default() }
+}
+
+#[test]
+fn a_viewer_sees_what_is_recorded_thinned_out() {
+    let live = Live::start(&layout(), &any_port()).unwrap();
+    let mut viewer = Viewer::connect(live.port());
+    let info = viewer.told();
+    assert_eq!((&info["op"], info["name"].as_str().unwrap().starts_with("pkm ")), (&"serverInfo".into(), true), "{info}");
+    let topics = viewer.advertised(6);
+    let names: Vec<&str> = topics.keys().map(String::as_str).collect();
+    let wanted = ["/joint_commands", "/joint_reference_accelerations", "/joint_references", "/joint_states", "/pkm/cycle", "/wrench/foot"];
+    assert_eq!(names, wanted);
+    let states = &topics["/joint_states"];
+    assert_eq!((&states["encoding"], &states["schemaEncoding"]), (&"cdr".into(), &"ros2msg".into()));
+    assert_eq!(states["schemaName"], "sensor_msgs/msg/JointState");
+    assert!(topics["/pkm/cycle"]["schema"].as_str().unwrap().contains("uint32 PHASE_RUNNING_POSITION=4"));
+    viewer.subscribe(7, states);
+    let mut tap = live.tap();
+    // The subscription is on its way: periods come until one is seen.
+    let mut cycle = 0;
+    let mut seen = Vec::new();
+    viewer.0.get_mut().set_read_timeout(Some(Duration::from_millis(50))).unwrap();
+    while seen.len() < 20 && cycle < 60_000 {
+        for _ in 0..10 {
+            tap(&record(cycle));
+            cycle += 1;
+        }
+        match viewer.0.read() {
+            Ok(Message::Binary(bytes)) if bytes[0] == 1 => seen.push(bytes.to_vec()),
+            Ok(_) | Err(tungstenite::Error::Io(_)) => {}
+            Err(e) => panic!("{e}"),
+        }
+    }
+    assert_eq!(seen.len(), 20, "after {cycle} periods");
+    let mut last = None;
+    for bytes in seen {
+        let (id, time) = (u32::from_le_bytes(bytes[1..5].try_into().unwrap()), u64::from_le_bytes(bytes[5..13].try_into().unwrap()));
+        let cycle = (time - EPOCH) / MS;
+        assert_eq!(id, 7);
+        assert!(last.is_none_or(|last| cycle >= last + 10), "a hundred a second: {last:?}, {cycle}");
+        last = Some(cycle);
+        // The position of the first joint, behind stamp, frame, names and padding: 4 + 8 + 8 + 4 + 8 + 8 + 4, aligned to eight.
+        let data = &bytes[13..];
+        let at = data.windows(8).position(|w| w == (cycle as f64 / 3.0).to_le_bytes());
+        assert!(at.is_some_and(|at| (at - 4) % 8 == 0), "{data:?}");
+    }
+}
+
+#[test]
+fn nobody_waits_for_a_viewer_and_the_oldest_are_dropped() {
+    let live = Live::start(&layout(), &Options { every_ns: 1, queue: 10, ..any_port() }).unwrap();
+    let mut viewer = Viewer::connect(live.port());
+    let topics = viewer.advertised(6);
+    viewer.subscribe(1, &topics["/pkm/cycle"]);
+    // The viewer reads nothing while a minute of a fast loop passes.
+    let mut tap = live.tap();
+    (0..240_000).for_each(|cycle| tap(&record(cycle)));
+    assert!(live.dropped() > 0);
+    // What it sees then is the end, as soon as the queues have passed.
+    tap(&record(1_000_000));
+    let mut last = 0;
+    while last < 1_000_000 {
+        let (id, time, _) = viewer.data();
+        assert_eq!(id, 1);
+        let cycle = (time - EPOCH) / MS;
+        assert!(cycle > last || last == 0, "in order: {last}, {cycle}");
+        last = cycle;
+    }
+}
+
+#[test]
+fn a_port_in_use_is_told_and_viewers_may_come_and_go() {
+    let live = Live::start(&layout(), &any_port()).unwrap();
+    let taken = Live::start(&layout(), &Options { port: live.port(), ..Options::default() }).map(|_| ()).unwrap_err().to_string();
+    assert!(taken.starts_with(&format!("live view at 127.0.0.1:{}: ", live.port())), "{taken}");
+    for _ in 0..20 {
+        let mut viewer = Viewer::connect(live.port());
+        assert_eq!(viewer.told()["op"], "serverInfo");
+    }
+    let mut rude = Viewer::connect(live.port());
+    for bytes in [vec![], vec![1], vec![0xff; 100], vec![1; 4]] {
+        rude.0.send(Message::Binary(bytes.into())).unwrap();
+    }
+    for text in ["", "{", "{\"op\":\"subscribe\"}", "{\"op\":\"subscribe\",\"subscriptions\":[{\"id\":-1,\"channelId\":1e9}]}", "[[[[[["] {
+        rude.0.send(Message::Text(text.into())).unwrap();
+    }
+    let mut polite = Viewer::connect(live.port());
+    assert_eq!(polite.told()["op"], "serverInfo");
+    assert_eq!(polite.advertised(6).len(), 6);
+}

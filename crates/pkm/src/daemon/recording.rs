@@ -1,0 +1,112 @@
+//! `--record FOLDER`: every period of the loop into MCAP files, on a thread of its own; `--live PORT`: the same to look at.
+
+use std::path::{Path, PathBuf};
+
+use pkm_hal::cycle::ring::{RingSink, ring};
+use pkm_hal::{SystemClock, epoch_offset_ns};
+use pkm_record::Attachment;
+use pkm_record::cycles::{Folder, Handle, Layout, Options, Tap, spawn};
+
+use super::setup::Setup;
+use super::{IO, Stopped};
+use crate::convert::with_robot;
+
+/// What of a loop is kept and shown.
+#[derive(Debug, clap::Args)]
+pub(crate) struct RecordArgs {
+    /// Record every period into MCAP files of this folder, a new one after ten minutes or 1 GiB.
+    #[arg(long, value_name = "FOLDER")]
+    record: Option<PathBuf>,
+    /// Show what is recorded to Foxglove and PlotJuggler at this port of this machine.
+    #[cfg(feature = "live")]
+    #[arg(long, value_name = "PORT", requires = "record")]
+    live: Option<u16>,
+}
+
+/// A recording that runs.
+pub(super) struct Recording {
+    handle: Handle,
+    #[cfg(feature = "live")]
+    _live: Option<pkm_live::Live>,
+}
+
+impl RecordArgs {
+    /// Begins the recording, if one is asked for: the loop's end of its ring, and what writes.
+    ///
+    /// # Errors
+    /// A folder that cannot be written: what could not be recorded from the start is told at the start.
+    pub(super) fn begin(&self, setup: &Setup, room: usize) -> Result<(Option<RingSink>, Option<Recording>), Stopped> {
+        let Some(folder) = &self.record else { return Ok((None, None)) };
+        let layout = layout(setup);
+        let options = Options { keep_cycles: 0, after_cycles: 0, stem: setup.robot.robot.model.name.clone(), ..Options::default() };
+        let mut taps: Vec<Tap> = Vec::new();
+        #[cfg(feature = "live")]
+        let live = self.look(&layout, &mut taps);
+        #[cfg(not(feature = "live"))]
+        taps.clear();
+        let (sink, source) = ring(room);
+        let handle = start(source, folder, layout, options, taps)?;
+        let recording = Recording {
+            handle,
+            #[cfg(feature = "live")]
+            _live: live,
+        };
+        Ok((Some(sink), Some(recording)))
+    }
+
+    /// The live view; a port that is taken is told and is no reason not to run.
+    #[cfg(feature = "live")]
+    fn look(&self, layout: &Layout, taps: &mut Vec<Tap>) -> Option<pkm_live::Live> {
+        let port = self.live?;
+        match pkm_live::Live::start(layout, &pkm_live::Options { port, ..pkm_live::Options::default() }) {
+            Ok(live) => {
+                taps.push(live.tap());
+                Some(live)
+            }
+            Err(e) => {
+                out::line_on_stderr(&format!("warning: {e}"));
+                None
+            }
+        }
+    }
+}
+
+fn start(
+    source: pkm_hal::cycle::ring::RingSource,
+    folder: &Path,
+    layout: Layout,
+    options: Options,
+    taps: Vec<Tap>,
+) -> Result<Handle, Stopped> {
+    spawn(source, Box::new(Folder::new(folder)), layout, options, SystemClock, taps).map_err(|e| Stopped::new(IO, e))
+}
+
+impl Recording {
+    /// Ends it; what became of it in one line.
+    pub(super) fn finish(self) -> String {
+        let (progress, outcome) = self.handle.finish();
+        let problem = outcome.err().map(|e| format!("; {e}")).unwrap_or_default();
+        let lost = progress.lost + progress.dropped;
+        format!("recorded {} periods in {} files, {lost} lost{problem}", progress.written, progress.files)
+    }
+}
+
+/// Names of the robot, and the files that the recording carries.
+fn layout(setup: &Setup) -> Layout {
+    let model = &setup.robot.robot.model;
+    let name = |j: &usize| model.joints.get(*j).map_or(String::new(), |joint| joint.name.clone());
+    let wrench = setup.settings.wrench.and_then(|i| model.sensors.get(i));
+    let parts = ["fx", "fy", "fz", "mx", "my", "mz"];
+    let mut carried = with_robot(&setup.robot);
+    let controller = setup.run.as_ref().unwrap_or(&setup.hold);
+    for (name, text) in [("controller.toml", &controller.text), ("daemon.toml", &setup.own.1)] {
+        let (name, media_type) = (name.to_string(), "application/toml".to_string());
+        carried.files.push(Attachment { name, media_type, bytes: text.as_bytes().to_vec() });
+    }
+    Layout {
+        joints: model.actuators.iter().map(name).collect(),
+        sensors: wrench.map_or_else(Vec::new, |sensor| parts.map(|part| format!("wrench.{}.{part}", sensor.name)).to_vec()),
+        epoch_ns: epoch_offset_ns(),
+        carried,
+    }
+}

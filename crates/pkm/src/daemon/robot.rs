@@ -1,0 +1,61 @@
+//! The robot of a daemon or driver: simulated in this process, or in another one.
+
+use pkm_daemon::config::Settings;
+use pkm_dyn::urdf::Description;
+use pkm_hal::{Backend, HalError, Limiter, MAX_AXES, SystemClock, Watchdog, WatchdogLimits};
+use pkm_sim::sensors::ForceCell;
+use pkm_sim::{Paced, Plant, PlantKind, SimBackend, SimOptions};
+
+use super::setup::Setup;
+
+/// A simulated robot as a whole HAL: session, watchdog, limits.
+pub(crate) type Simulated = Watchdog<Limiter<Paced<Box<dyn Plant>, SystemClock>>, SystemClock>;
+
+/// How long commands may be valid at most, in multiples of what the daemon asks for.
+const HORIZON: u64 = 2;
+
+/// The robot of `setup`, standing at its assembly, as effects of its files have it.
+///
+/// # Errors
+/// A robot that cannot be simulated.
+pub(crate) fn simulated(setup: &Setup) -> anyhow::Result<Simulated> {
+    let period_ns = setup.settings.limits.period_ns;
+    let device = Paced::try_new(plant(&setup.robot, &setup.settings)?, SystemClock, period_ns)?;
+    Ok(guarded(device, &setup.settings)?)
+}
+
+/// `device` within limits, for one commander.
+///
+/// # Errors
+/// Limits that the device cannot be kept in.
+pub(crate) fn guarded<B: Backend>(device: B, settings: &Settings) -> Result<Watchdog<Limiter<B>, SystemClock>, HalError> {
+    let limits = &settings.limits;
+    let watched = WatchdogLimits {
+        late_ns: limits.gate.late_ns,
+        stale_ns: limits.gate.stale_ns,
+        ahead_ns: limits.gate.ahead_ns,
+        horizon_ns: limits.valid_for_ns.saturating_mul(HORIZON),
+    };
+    Watchdog::try_new(Limiter::try_new(device, &settings.axes)?, SystemClock, watched, limits.safe)
+}
+
+fn plant(robot: &Description, settings: &Settings) -> anyhow::Result<SimBackend<Box<dyn Plant>>> {
+    let model = &robot.robot.model;
+    let start: Vec<f64> = model.actuators.iter().map(|&j| model.assembly[j]).collect();
+    let kind = if settings.wrench.is_some() { PlantKind::Constrained(Default::default()) } else { PlantKind::Auto };
+    let plant = kind.build(&robot.robot, 1, &start, &[0.0; MAX_AXES][..start.len()])?;
+    // Steps of half a millisecond at most, whatever the period.
+    let substeps = u32::try_from(settings.limits.period_ns.div_ceil(500_000)).unwrap_or(1).max(1);
+    let options = SimOptions {
+        period_ns: settings.limits.period_ns,
+        substeps,
+        encoder_resolution: 1e-6,
+        encoder_noise: 1e-6,
+        ..SimOptions::default()
+    };
+    let mut hal = SimBackend::of_robot(plant, &robot.robot, &options)?;
+    if let Some(sensor) = settings.wrench {
+        hal.add_wrench(sensor, core::array::from_fn(|i| ForceCell::new(options.effort, options.seed, 200 + i)))?;
+    }
+    Ok(hal)
+}

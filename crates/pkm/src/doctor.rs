@@ -1,0 +1,132 @@
+//! `pkm doctor`: can this machine run a control loop on time? What the kernel and its settings say, and what waking up really takes.
+
+mod facts;
+mod jitter;
+mod rights;
+
+use core::time::Duration;
+use std::path::Path;
+use std::process::ExitCode;
+
+use serde_json::{Value, json};
+
+use crate::out;
+use facts::{Finding, State};
+use jitter::{Jitter, Measured};
+
+/// Arguments of `pkm doctor`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Every line says what was found and, where something can be better, what to do about it. A loop of pkm (a record of every period, sealed and
+put into a ring) and beside it a bare one that does nothing but clock_nanosleep wake up every period, first with ordinary rights, then with
+those of a control loop (SCHED_FIFO, memory locked, processor kept awake) as far as they are granted. Take minutes, and load the machine as
+it will be loaded, before the largest number is believed. Exit status: 0 nothing is in the way of a control loop, 1 something is.
+
+Examples:
+  pkm doctor
+  pkm doctor --seconds 600 --rate 4000
+  pkm doctor --json")]
+pub(crate) struct Args {
+    /// Length of each of the two measurements; 0 measures nothing.
+    #[arg(long, value_name = "S", default_value_t = 5, value_parser = clap::value_parser!(u64).range(0..=86_400))]
+    seconds: u64,
+    /// Wake-ups per second.
+    #[arg(long, value_name = "HZ", default_value_t = 1000, value_parser = clap::value_parser!(u64).range(1..=20_000))]
+    rate: u64,
+    /// Priority under SCHED_FIFO.
+    #[arg(long, value_name = "N", default_value_t = 80, value_parser = clap::value_parser!(u8).range(1..=98))]
+    priority: u8,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    anyhow::ensure!(cfg!(target_os = "linux"), "pkm doctor looks at Linux; this is another system");
+    let mut findings = facts::look(Path::new("/"));
+    let period_ns = 1_000_000_000 / args.rate;
+    let length = Duration::from_secs(args.seconds);
+    let mut measured = Vec::new();
+    // Before rights are asked for: locked memory stays locked.
+    if args.seconds > 0 {
+        measured.push(jitter::measure(length, period_ns, None));
+    }
+    findings.extend(rights::look(args.priority));
+    if args.seconds > 0 {
+        measured.push(jitter::measure(length, period_ns, Some(args.priority)));
+        findings.push(judged(&measured, period_ns));
+    }
+    let is_bad = findings.iter().any(|finding| finding.state == State::Bad);
+    let text = if args.json {
+        serde_json::to_string_pretty(&as_json(&findings, &measured, period_ns))?
+    } else {
+        as_text(&findings, &measured, period_ns, args.seconds)
+    };
+    out::say(&out::clean(&text))?;
+    Ok(if is_bad { ExitCode::from(1) } else { ExitCode::SUCCESS })
+}
+
+/// The wake-ups of the loop with the best rights that were granted: how many came more than a period late.
+fn judged(measured: &[Measured], period_ns: u64) -> Finding {
+    let Some(last) = measured.last() else { return Finding::new("wake-ups", "not measured", State::Note, "measure for some seconds") };
+    let (missed, wakes) = (last.own.missed, last.own.wakes);
+    let share = missed as f64 / wakes.max(1) as f64;
+    let found = format!("{missed} of {wakes} more than a period late, latest {:.1} us", last.own.max_ns as f64 * 1e-3);
+    let is_slow = last.own.p99_ns > period_ns / 5;
+    let state = match (missed, is_slow) {
+        _ if share > 1e-3 => State::Bad,
+        (0, false) => State::Good,
+        _ => State::Note,
+    };
+    let advice = match state {
+        State::Good => "",
+        _ => {
+            "give the loop a core of its own (isolcpus=, nohz_full=) and a PREEMPT_RT kernel; look for virtual machines, power saving and SMIs"
+        }
+    };
+    Finding::new("wake-ups", &found, state, advice)
+}
+
+fn as_text(findings: &[Finding], measured: &[Measured], period_ns: u64, seconds: u64) -> String {
+    let mut lines = Vec::new();
+    for finding in findings {
+        lines.push(format!("{}  {:<18} {}", finding.state.mark(), finding.what, finding.found));
+        if !finding.advice.is_empty() {
+            lines.push(format!("      {:<16}-> {}", "", finding.advice));
+        }
+    }
+    if !measured.is_empty() {
+        lines.push(format!("\nWake-ups every {} us for {seconds} s, microseconds late:", out::number(period_ns as f64 * 1e-3)));
+        let head = ["", "median", "99 %", "99.9 %", "largest", "over a period"].map(str::to_string).to_vec();
+        let us = |ns: u64| format!("{:.1}", ns as f64 * 1e-3);
+        let mut rows = vec![head];
+        for run in measured {
+            for (name, jitter) in [("bare loop", &run.bare), ("pkm's loop", &run.own)] {
+                let Jitter { p50_ns, p99_ns, p999_ns, max_ns, missed, wakes } = *jitter;
+                let last = format!("{missed} of {wakes}");
+                rows.push(vec![format!("{name}, {}", run.rights), us(p50_ns), us(p99_ns), us(p999_ns), us(max_ns), last]);
+            }
+        }
+        lines.push(out::table(&rows));
+    }
+    lines.join("\n")
+}
+
+fn as_json(findings: &[Finding], measured: &[Measured], period_ns: u64) -> Value {
+    let finding = |f: &Finding| json!({"what": f.what, "found": f.found, "state": f.state.name(), "advice": f.advice});
+    let jitter = |j: &Jitter| {
+        json!({
+            "wakes": j.wakes, "missed": j.missed, "p50_us": j.p50_ns as f64 * 1e-3, "p99_us": j.p99_ns as f64 * 1e-3,
+            "p999_us": j.p999_ns as f64 * 1e-3, "max_us": j.max_ns as f64 * 1e-3,
+        })
+    };
+    let run = |m: &Measured| json!({"rights": m.rights, "granted": m.is_granted, "bare": jitter(&m.bare), "loop": jitter(&m.own)});
+    json!({
+        "schema": "pkm.doctor/1",
+        "findings": findings.iter().map(finding).collect::<Vec<_>>(),
+        "period_us": period_ns as f64 * 1e-3,
+        "jitter": measured.iter().map(run).collect::<Vec<_>>(),
+        "fit": findings.iter().all(|f| f.state != State::Bad),
+    })
+}
