@@ -15,6 +15,7 @@ mod mu;
 mod out;
 mod outputs;
 mod progress;
+mod prove;
 mod random;
 mod reproduce;
 mod robot_file;
@@ -60,6 +61,7 @@ Fit a robot:
 Find missing physics:
   diagnose    Locate, name and size what a robot file leaves out of its recordings
   trial-null  Diagnose the same runs with nothing missing: how often is something found?
+  prove       Make blind trials with sealed answers, diagnose them and score the verdicts
 
 Analyse a control loop:
   mu          Bound the structured singular value: how much uncertainty a loop survives
@@ -120,6 +122,8 @@ enum Verb {
     Diagnose(diagnose::Args),
     /// Diagnose the same runs with nothing missing: how often is something found?
     TrialNull(trial_null::Args),
+    /// Make blind trials with sealed answers, diagnose them and score the verdicts.
+    Prove(prove::Args),
     /// Bound the structured singular value: how much uncertainty a loop survives.
     Mu(mu::Args),
     /// Do a paper's experiments again and compare its numbers with ours.
@@ -147,6 +151,7 @@ fn main() -> ExitCode {
         Verb::Identify(args) => identify::run(args),
         Verb::Diagnose(args) => diagnose::run(args),
         Verb::TrialNull(args) => trial_null::run(args),
+        Verb::Prove(args) => prove::run(args),
         Verb::Mu(args) => mu::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Demo(args) => demo::run(args),
