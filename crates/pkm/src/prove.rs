@@ -9,7 +9,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{anyhow, ensure};
-use pkm_trials::case::{Level, Wish, make};
+use pkm_trials::case::{Level, MORE, ROBOTS, Wish, make};
 use pkm_trials::score::{Marks, judge, markdown, page};
 use pkm_trials::seal;
 
@@ -46,6 +46,9 @@ pub(crate) struct Args {
     /// Only this level of concealment, L0 to L7; may be given several times [default: all].
     #[arg(long = "level", value_name = "L", value_parser = level)]
     levels: Vec<Level>,
+    /// Only this robot; may be given several times [default: prs3, serial_arm, motobotte, ups3_rpu1, five_bar].
+    #[arg(long = "robot", value_name = "NAME", value_parser = robot)]
+    robots: Vec<String>,
     /// Size of an effect over the smallest that can be detected; may be given several times [default: 0.5 1 2 4].
     #[arg(long = "size", value_name = "X", value_parser = crate::diagnosis::positive)]
     sizes: Vec<f64>,
@@ -69,6 +72,13 @@ pub(crate) struct Args {
 fn level(text: &str) -> Result<Level, String> {
     let found = Level::ALL.into_iter().find(|l| format!("{l:?}").eq_ignore_ascii_case(text));
     found.ok_or_else(|| "must be L0, L1 … L7".to_string())
+}
+
+fn robot(text: &str) -> Result<String, String> {
+    let known = ROBOTS.iter().chain(&MORE);
+    known.clone().find(|r| **r == text).map(|r| (*r).to_string()).ok_or_else(|| {
+        format!("must be one of {}", known.copied().collect::<Vec<_>>().join(", "))
+    })
 }
 
 /// Runs the verb.
@@ -100,7 +110,7 @@ fn generate(args: &Args, folder: &Folder, count: u64) -> anyhow::Result<()> {
     folder.create()?;
     let numbers: Vec<u64> = (1..=count).filter(|n| !(args.resume && folder.has_case(&Folder::name(*n)))).collect();
     each("making", args, &numbers, |n| {
-        let wish = Wish::of(*n, args.seed, &levels, &sizes);
+        let wish = Wish::of(*n, args.seed, (&levels, &args.robots), &sizes);
         let case = make(&wish).map_err(|e| anyhow!("case {n}: {e}"))?;
         folder.write_case(&Folder::name(*n), &case)
     })?;

@@ -3,13 +3,13 @@
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
-use crate::laws::{Chain, Dry, Encoder, Friction};
-use crate::machine::{Hand, Machine, Push, Trace};
+use crate::laws::{Chain, Dry, Encoder, Friction, Resist};
+use crate::machine::{Hand, Machine, Push, Resistance, Trace};
 use crate::menu::{Choice, Fact, INSIDE, OUTSIDE, Parameter, Scene, choose, restless};
 use crate::plant::Plant;
 use crate::random::Stream;
-use crate::reference::{Path, Reference, drive_ratio};
-use crate::refit::{noise_share, refit};
+use crate::reference::{Path, Reference, STEP, drive_ratio};
+use crate::refit::{left_share, refit};
 use crate::residual::{BAND, Residual, Ruler, residual};
 use crate::robot::{Robot, RobotError, urdf_with};
 use crate::sensing::{Mishap, Noise, Recording};
@@ -21,12 +21,18 @@ pub const Z: f64 = 4.0;
 pub const INSIDE_SPAN: f64 = 0.05;
 
 /// Robots of the trials.
-pub const ROBOTS: [&str; 5] = ["prs3", "serial_arm", "motobotte", "ups3_rpu1", "ups4"];
+pub const ROBOTS: [&str; 5] = ["prs3", "serial_arm", "motobotte", "ups3_rpu1", "five_bar"];
+
+/// Robots that cases can be made of on request: with more drives than freedoms, or like one of the others.
+pub const MORE: [&str; 1] = ["ups4"];
 
 /// Every fourth step is recorded: 250 samples per second.
 const EVERY: usize = 4;
 
-/// Bands for which the share of noise is written down `[Hz]`.
+/// Integration steps per step of the reference, where no law asks for more.
+const SUBSTEPS: usize = 2;
+
+/// Bands for which what is left without anything concealed is written down `[Hz]`.
 const BANDS: [f64; 4] = [3.0, 6.0, 12.0, 24.0];
 
 /// How an effect is concealed.
@@ -98,11 +104,12 @@ pub struct Wish {
 impl Wish {
     /// The wish with that number: robots, levels and sizes in turn, all combinations in the long run.
     #[must_use]
-    pub fn of(number: u64, seed: u64, levels: &[Level], sizes: &[f64]) -> Self {
+    pub fn of(number: u64, seed: u64, (levels, robots): (&[Level], &[String]), sizes: &[f64]) -> Self {
         let mut random = Stream::new(seed, number, "wish");
         let turn: Vec<Level> = Level::TURN.into_iter().filter(|l| levels.contains(l)).collect();
-        // Seven times: levels and robots have no common turn even when the levels are five.
-        let robot = ROBOTS[usize::try_from((number + number / 60) % 5).unwrap_or(0)];
+        // One further after every full turn of levels and robots: all pairs come about.
+        let names: Vec<&str> = if robots.is_empty() { ROBOTS.to_vec() } else { robots.iter().map(String::as_str).collect() };
+        let robot = names[usize::try_from((number + number / 60) % names.len() as u64).unwrap_or(0)];
         let level = turn[usize::try_from(number % turn.len().max(1) as u64).unwrap_or(0)];
         Self { number, seed, level, robot: robot.to_string(), size: *random.choose(sizes).unwrap_or(&1.0), effect: None }
     }
@@ -149,9 +156,9 @@ pub struct Answer {
     /// Whether a patient moved on their own account.
     #[serde(default)]
     pub has_patient: bool,
-    /// Frequency `[Hz]` and share of the holdout's effort that noise alone leaves below it.
+    /// Frequency `[Hz]` and share of the holdout's effort that the true robot's own model leaves below it with nothing concealed.
     #[serde(default)]
-    pub noise: Vec<[f64; 2]>,
+    pub floor: Vec<[f64; 2]>,
 }
 
 /// A finished case.
@@ -177,6 +184,7 @@ fn room(robot: &str, plant: &Plant) -> (Vec<f64>, Vec<f64>) {
         "prs3" => (vec![0.15; 3], vec![0.07; 3]),
         "motobotte" => (vec![0.0515], vec![0.035]),
         "ups3_rpu1" => (home, vec![0.035; 4]),
+        "five_bar" => (home, vec![0.5; 2]),
         "ups4" => (home, vec![0.22, 0.16, 0.18]),
         _ => (vec![0.2, 0.3, -0.2, 0.3, 0.4, 0.2], vec![0.9, 0.5, 0.6, 1.0, 0.8, 1.2]),
     }
@@ -235,18 +243,19 @@ fn healthy(plant: Plant, wish: &Wish, random: &mut Stream) -> Result<Machine, Ro
         // Bristles so stiff that their bending is lost in the noise, yet soft enough for the step.
         let stiffness = inertia[k] * 300.0 * 300.0;
         let reach = (j.coulomb / stiffness).max(1e-9);
-        let speed = 0.004 * j.speed;
+        // As narrow as the step allows: a friction that fades early is physics of its own.
+        let speed = (0.7 * STEP / SUBSTEPS as f64 * j.coulomb / inertia[k]).max(0.002 * j.speed);
         let dry = match random.index(3) {
             0 => Dry::Bristles { reach, damping: 0.7 * inertia[k] * 300.0 },
-            1 => Dry::Arc { speed: 0.25 * speed },
-            _ => Dry::Root { speed: 0.5 * speed },
+            1 => Dry::Band { speed },
+            _ => Dry::Root { speed },
         };
         friction.push(Friction { dry, coulomb: j.coulomb, viscous: j.viscous, peak: [0.0; 3] });
     }
     let hold = if wish.level.has_decoys() { 0.5e-3 } else { 0.0 };
     Ok(Machine {
         friction,
-        resistances: Vec::new(),
+        resistances: passive(&plant),
         flex: vec![None; n],
         chains: vec![Chain { delay: hold, ..Chain::IDEAL }; n],
         encoders: vec![Encoder::IDEAL; n],
@@ -255,9 +264,23 @@ fn healthy(plant: Plant, wish: &Wish, random: &mut Stream) -> Result<Machine, Ro
         felt: Vec::new(),
         rock: None,
         gains: inertia.iter().map(|m| [m * bandwidth * bandwidth, 2.0 * m * bandwidth]).collect(),
-        substeps: 1,
+        substeps: SUBSTEPS,
         plant,
     })
+}
+
+/// Friction that the robot's file gives to joints without a drive.
+fn passive(plant: &Plant) -> Vec<Resistance> {
+    let is_driven = |i: usize| plant.robot.drives.iter().any(|d| d.joint == i);
+    let mut out = Vec::new();
+    for (joint, j) in plant.robot.joints.iter().enumerate().filter(|(i, _)| !is_driven(*i)) {
+        for (law, size) in [(Resist::Viscous, j.viscous), (Resist::Coulomb { speed: 0.01 * j.speed }, j.coulomb)] {
+            if size > 0.0 {
+                out.push(Resistance { joint, other: joint, law, size });
+            }
+        }
+    }
+    out
 }
 
 fn facts(plant: &Plant, trace: &Trace) -> Result<Vec<Fact>, RobotError> {
@@ -392,8 +415,8 @@ pub fn make(wish: &Wish) -> Result<Case, RobotError> {
     let traces = perform(&base, &concealed, has_patient.then_some(&facts[0]), &mut random)?;
     let mut stream = Stream::new(wish.seed, wish.number, "sensors");
     let mut taken: Vec<Recording> = traces.iter().map(|t| bench.noise.record(t, &mut stream)).collect();
-    let noise_table =
-        noise_share(&base.plant, &traces[2], [&taken[2], &bench.noise.silent(&traces[2])], &BANDS)?;
+    let knowing = base.plant.weighing(base.machine.plant.robot.clone());
+    let floor = left_share(&knowing, &silent[2], &bench.noise.record(&silent[2], &mut stream), &BANDS)?;
     let robot = if wish.level.is_refitted() {
         refit(&base.plant, &[(&traces[0], &taken[0]), (&traces[1], &taken[1])], &bench.ruler.noise)?
     } else {
@@ -412,7 +435,7 @@ pub fn make(wish: &Wish) -> Result<Case, RobotError> {
         robot: wish.robot.clone(),
         concealed: concealed.iter().map(told).collect(),
         has_patient,
-        noise: noise_table,
+        floor,
     };
     Ok(Case { files: files(wish, &robot, &taken, &concealed)?, answer })
 }

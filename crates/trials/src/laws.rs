@@ -1,8 +1,8 @@
 //! The laws that true robots of the trials obey. Few of them have the form a textbook, or a catalogue of effects, would give them.
 
-use core::f64::consts::{FRAC_PI_2, TAU};
+use core::f64::consts::TAU;
 
-use crate::math::{atan, exp, pow, sin, tanh};
+use crate::math::{exp, pow, sin, tanh};
 
 /// How dry friction of a drive is made.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,14 +14,14 @@ pub enum Dry {
         /// Damping of the bristles `[N·s/m]`.
         damping: f64,
     },
-    /// Arc tangent of the speed over `speed` `[m/s]`.
-    Arc {
-        /// Speed at which half of the friction acts.
+    /// A band of speeds within which friction balances what pushes, in proportion: after Karnopp.
+    Band {
+        /// Half of the band `[m/s]`.
         speed: f64,
     },
-    /// v/√(v² + speed²).
+    /// v/(v⁴ + speed⁴)^¼.
     Root {
-        /// Speed at which 71 % of the friction acts.
+        /// Speed at which 84 % of the friction acts.
         speed: f64,
     },
 }
@@ -53,8 +53,8 @@ impl Friction {
         let dry = match self.dry {
             _ if level <= 0.0 => 0.0,
             Dry::Bristles { reach, damping } => self.coulomb / reach * z + damping * (v - v.abs() * z * self.coulomb / (reach * level)),
-            Dry::Arc { speed } => level * atan(v / speed) / FRAC_PI_2,
-            Dry::Root { speed } => level * v / (v * v + speed * speed).sqrt(),
+            Dry::Band { speed } => level * (v / speed).clamp(-1.0, 1.0),
+            Dry::Root { speed } => level * v / (v * v * v * v + speed * speed * speed * speed).sqrt().sqrt(),
         };
         dry + self.viscous * v
     }

@@ -2,7 +2,7 @@
 //!
 //! nalgebra's own go through libm here (its feature `libm-force`), as do those of `pkm_dyn::math`, which this crate must not use.
 
-use nalgebra::{ComplexField, RealField};
+use nalgebra::ComplexField;
 
 /// Sine of `x` `[rad]`.
 #[must_use]
@@ -14,18 +14,6 @@ pub fn sin(x: f64) -> f64 {
 #[must_use]
 pub fn cos(x: f64) -> f64 {
     ComplexField::cos(x)
-}
-
-/// Angle of the point (`x`, `y`) `[rad]`.
-#[must_use]
-pub fn atan2(y: f64, x: f64) -> f64 {
-    RealField::atan2(y, x)
-}
-
-/// Arc tangent `[rad]`.
-#[must_use]
-pub fn atan(x: f64) -> f64 {
-    ComplexField::atan(x)
 }
 
 /// Exponential function.

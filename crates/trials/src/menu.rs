@@ -192,7 +192,7 @@ impl Pick<'_> {
             }
             "friction_coulomb" => {
                 let apply: Apply = Box::new(move |m, a, _| { m.friction[k].coulomb += a; Ok(()) });
-                Choice::new(name, &here, "bristles, arc tangent or root at rest", force, apply).with(move |a| one("coulomb", coulomb + a, coulomb))
+                Choice::new(name, &here, "bristles, a band or a root at rest", force, apply).with(move |a| one("coulomb", coulomb + a, coulomb))
             }
             "friction_asymmetric" => {
                 let (way, share) = (random.sign(), random.uniform(0.3, 1.0) / f.speed);
@@ -322,6 +322,9 @@ impl Pick<'_> {
             // The robot of the machine, not the nominal one: decoys stay.
             let mut rocking = Plant::rocking(&m.plant.robot, axis)?;
             rocking.rotors[1..].copy_from_slice(&m.plant.rotors);
+            for r in &mut m.resistances {
+                (r.joint, r.other) = (r.joint + 1, r.other + 1);
+            }
             m.plant = rocking;
             m.rock = Some([1.0 / a, 0.1 * (inertia / a).sqrt()]);
             m.substeps = m.substeps.max(2);

@@ -105,26 +105,26 @@ fn possible(body: &Inertia) -> Inertia {
     Inertia::about_centre(body.mass, body.centre(), central)
 }
 
-/// Share of the measured effort that noise alone leaves in a recording, below each of `bands` `[Hz]`: the least any model can leave.
+/// Share of the measured effort that the model `plant` leaves of a recording, below each of `bands` `[Hz]`.
 ///
-/// Per drive the root mean square of the residual's noise over that of the effort, then the root mean square over drives.
+/// Per drive the root mean square of the residual over that of the effort, then the root mean square over drives.
 ///
 /// # Errors
 /// Where a loop opens.
-pub fn noise_share(plant: &Plant, trace: &Trace, [noisy, silent]: [&Recording; 2], bands: &[f64]) -> Result<Vec<[f64; 2]>, RobotError> {
+pub fn left_share(plant: &Plant, trace: &Trace, recording: &Recording, bands: &[f64]) -> Result<Vec<[f64; 2]>, RobotError> {
     let drives = plant.robot.drives.len();
-    let effort: Vec<f64> =
-        (0..drives).map(|k| (silent.tau.iter().map(|r| r[k] * r[k]).sum::<f64>() / silent.tau.len() as f64).sqrt()).collect();
+    let rows = recording.tau.len() as f64;
+    let effort: Vec<f64> = (0..drives).map(|k| recording.tau.iter().map(|r| r[k] * r[k]).sum::<f64>() / rows).collect();
     let mut out = Vec::new();
     for &band in bands {
-        let (a, b) = (residual(plant, trace, noisy, band)?, residual(plant, trace, silent, band)?);
+        let left = residual(plant, trace, recording, band)?;
         let mut squares = vec![0.0; drives];
-        for ((e, (m, _)), _) in a.minus(&b).iter().zip(&b.motion).zip(0..) {
+        for (e, (m, _)) in left.rows.iter().zip(&left.motion) {
             let Some(u) = crate::reference::efforts(&drive_ratio(plant, m), e) else { continue };
             squares.iter_mut().zip(u.iter()).for_each(|(s, u)| *s += u * u);
         }
-        let count = a.rows.len().max(1) as f64;
-        let mean = squares.iter().zip(&effort).map(|(s, t)| s / count / (t * t).max(1e-12)).sum::<f64>() / drives as f64;
+        let count = left.rows.len().max(1) as f64;
+        let mean = squares.iter().zip(&effort).map(|(s, t)| s / count / t.max(1e-12)).sum::<f64>() / drives as f64;
         out.push([band, mean.sqrt()]);
     }
     Ok(out)

@@ -17,6 +17,9 @@ use crate::sensing::Recording;
 /// Frequency at which the low-pass of the ruler halves the power `[Hz]`.
 pub const BAND: f64 = 10.0;
 
+/// Positions are differentiated below this frequency at least `[Hz]`: signs of velocities want sharp reversals.
+const MOTION_BAND: f64 = 30.0;
+
 /// Filtered residuals and the motion they belong to, at 2.5 samples per period of the band.
 #[derive(Debug, Clone)]
 pub struct Residual {
@@ -57,21 +60,17 @@ fn derivative(x: &[f64], dt: f64) -> Vec<f64> {
     (0..n).map(at).collect()
 }
 
-fn column(rows: &[Vec<f64>], k: usize) -> Vec<f64> {
-    rows.iter().map(|r| r[k]).collect()
-}
-
-/// Speeds below which a sign is smoothed, per drive: a hundredth of the joint's highest speed.
-fn soft(plant: &Plant, k: usize) -> f64 {
-    0.01 * plant.robot.joints[plant.robot.drives[k].joint].speed
+/// Speed below which a sign is smoothed: a hundredth of the joint's highest speed.
+fn soft(plant: &Plant, joint: usize) -> f64 {
+    0.003 * plant.robot.joints[joint].speed
 }
 
 /// Force of the nominal friction on the free coordinates.
 fn friction(plant: &Plant, m: &Moving) -> DVector<f64> {
     let mut tree = DVector::zeros(m.velocity.len());
-    for (k, d) in plant.robot.drives.iter().enumerate() {
-        let (v, j) = (m.velocity[d.joint], &plant.robot.joints[d.joint]);
-        tree[d.joint] = j.viscous * v + j.coulomb * tanh(v / soft(plant, k));
+    for (i, j) in plant.robot.joints.iter().enumerate() {
+        let v = m.velocity[i];
+        tree[i] = j.viscous * v + j.coulomb * tanh(v / soft(plant, i));
     }
     m.ratio.tr_mul(&tree)
 }
@@ -100,25 +99,32 @@ pub fn residual(plant: &Plant, trace: &Trace, recording: &Recording, band: f64) 
         free.iter_mut().enumerate().for_each(|(k, x)| x.push(q[plant.free[k]] + shift[k]));
         closed.push(q);
     }
-    let free: Vec<Vec<f64>> = free.iter().map(|x| smooth(x, dt, band)).collect();
+    let free: Vec<Vec<f64>> = free.iter().map(|x| smooth(x, dt, MOTION_BAND.max(band))).collect();
     let rate: Vec<Vec<f64>> = free.iter().map(|x| derivative(x, dt)).collect();
     let push: Vec<Vec<f64>> = rate.iter().map(|x| derivative(x, dt)).collect();
-    let tau: Vec<Vec<f64>> = (0..plant.robot.drives.len()).map(|k| smooth(&column(&recording.tau, k), dt, band)).collect();
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few samples")]
     let every = (1.0 / (2.5 * band * dt)).round().max(1.0) as usize;
-    let mut out = Residual { rows: Vec::new(), motion: Vec::new() };
+    let mut left: Vec<Vec<f64>> = vec![Vec::with_capacity(n); d];
+    let mut motion = Vec::new();
     // The cut kernel at both ends is left out.
-    for i in (4 * every..n.saturating_sub(4 * every)).step_by(every) {
+    let is_row = |i: usize| i >= 4 * every && i + 4 * every < n && i.is_multiple_of(every);
+    for i in 0..n {
         let mut q = closed[i].clone();
         plant.free.iter().enumerate().for_each(|(k, &j)| q[j] = free[k][i]);
         let v: Vec<f64> = rate.iter().map(|x| x[i]).collect();
         let a = DVector::from_iterator(d, push.iter().map(|x| x[i]));
         let m = plant.moving(&mut q, &v)?;
-        let measured = drive_ratio(plant, &m).tr_mul(&DVector::from_iterator(tau.len(), tau.iter().map(|x| x[i])));
-        out.rows.push(measured - &m.mass * &a - &m.bias - friction(plant, &m));
-        out.motion.push((m, a));
+        let measured = drive_ratio(plant, &m).tr_mul(&DVector::from_column_slice(&recording.tau[i]));
+        let rest = measured - &m.mass * &a - &m.bias - friction(plant, &m);
+        left.iter_mut().zip(rest.iter()).for_each(|(x, r)| x.push(*r));
+        if is_row(i) {
+            motion.push((m, a));
+        }
     }
-    Ok(out)
+    // Effort and model go through one filter: signs of velocities are then as soft on one side as on the other.
+    let left: Vec<Vec<f64>> = left.iter().map(|x| smooth(x, dt, band)).collect();
+    let rows = (0..n).filter(|i| is_row(*i)).map(|i| DVector::from_iterator(d, left.iter().map(|x| x[i]))).collect();
+    Ok(Residual { rows, motion })
 }
 
 impl Residual {
@@ -138,14 +144,14 @@ impl Residual {
 fn basis_row(plant: &Plant, m: &Moving, a: &DVector<f64>) -> DMatrix<f64> {
     let inertia = plant.inertia_columns(m, a);
     let mut columns: Vec<DVector<f64>> = inertia.column_iter().map(|c| c.into_owned()).collect();
-    for (k, d) in plant.robot.drives.iter().enumerate() {
+    for d in &plant.robot.drives {
         let (v, j) = (m.velocity[d.joint], &plant.robot.joints[d.joint]);
         let through = m.ratio.row(d.joint).transpose();
         if j.viscous > 0.0 {
             columns.push(&through * v);
         }
         if j.coulomb > 0.0 {
-            columns.push(&through * tanh(v / soft(plant, k)));
+            columns.push(&through * tanh(v / soft(plant, d.joint)));
         }
     }
     DMatrix::from_columns(&columns)

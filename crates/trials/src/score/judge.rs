@@ -177,20 +177,20 @@ fn covered(truth: &Concealed, f: &Finding) -> Vec<bool> {
     out
 }
 
-/// (Nominal − final)/(nominal − noise) of squared held-out errors; none where noise is most of it, or nobody pushes in the holdout.
+/// (Nominal − final)/(nominal − floor) of squared held-out errors; none where the floor is most of it, or nobody pushes in the holdout.
 fn explained(answer: &Answer, v: &Verdict) -> Option<f64> {
     if v.status != "ok" || answer.level.is_healthy() || answer.concealed.iter().any(|t| t.effect == "external_force" || t.effect == "active_limb") {
         return None;
     }
-    let noise = noise_below(&answer.noise, v.heldout.band_hz)?;
+    let floor = floor_below(&answer.floor, v.heldout.band_hz)?;
     let square = |x: f64| x * x;
-    let missing = square(v.heldout.rms_nominal) - square(noise);
+    let missing = square(v.heldout.rms_nominal) - square(floor);
     let gained = square(v.heldout.rms_nominal) - square(v.heldout.rms_final);
-    (missing > 0.25 * square(noise)).then(|| gained / missing)
+    (missing > 0.25 * square(floor)).then(|| gained / missing)
 }
 
-/// Share of noise below `band`, along straight lines between logarithms, level outside the table.
-fn noise_below(table: &[[f64; 2]], band: f64) -> Option<f64> {
+/// Share left below `band` with nothing concealed, along straight lines between logarithms, level outside the table.
+fn floor_below(table: &[[f64; 2]], band: f64) -> Option<f64> {
     let (first, last) = (table.first()?, table.last()?);
     if band <= first[0] {
         return Some(first[1]);
@@ -220,8 +220,8 @@ mod tests {
             parameters,
         };
         let concealed = if effect.is_empty() { Vec::new() } else { vec![concealed] };
-        let noise = vec![[3.0, 0.01], [12.0, 0.02]];
-        Answer { schema: String::new(), salt: String::new(), level, robot: "prs3".to_string(), concealed, has_patient: false, noise }
+        let floor = vec![[3.0, 0.01], [12.0, 0.02]];
+        Answer { schema: String::new(), salt: String::new(), level, robot: "prs3".to_string(), concealed, has_patient: false, floor }
     }
 
     fn verdict(json: &str) -> Verdict {
@@ -239,9 +239,9 @@ mod tests {
         assert_eq!((m.found, m.set, m.covered.as_slice(), m.stated.as_slice()), (1, Some(1), &[true][..], &[(0.9, true)][..]));
         // 31 instead of 30 where 26 was known: a change of 5 instead of 4.
         assert!((m.size_errors[0].1 - 0.25).abs() < 1e-12);
-        // Noise at 6 Hz, half-way between 3 and 12 Hz in logarithms: √(0.01·0.02).
-        let noise = 0.01 * 0.02;
-        assert!((m.explained.unwrap() - (0.01 - 0.0004) / (0.01 - noise)).abs() < 1e-12);
+        // The floor at 6 Hz, half-way between 3 and 12 Hz in logarithms: √(0.01·0.02).
+        let floor = 0.01 * 0.02;
+        assert!((m.explained.unwrap() - (0.01 - 0.0004) / (0.01 - floor)).abs() < 1e-12);
     }
 
     #[test]

@@ -130,7 +130,7 @@ mod tests {
             robot: "<b>".to_string(),
             concealed: Vec::new(),
             has_patient: false,
-            noise: Vec::new(),
+            floor: Vec::new(),
         };
         let verdict = serde_json::from_str(r#"{"status":"ok","findings":[{"effect":"<script>","where":["q1"]}]}"#).unwrap();
         let marks = [judge("1", &answer, Some(&verdict), &Ran::default()), judge("2", &answer, None, &Ran::default())];
