@@ -108,23 +108,30 @@ impl Folder {
         Ok(names)
     }
 
-    /// Hashes every answer and writes the list.
+    /// Hashes every answer that has no seal yet and writes the list; a seal once made stays.
     pub(super) fn write_seals(&self) -> anyhow::Result<()> {
-        let mut seals = BTreeMap::new();
-        for name in self.names()? {
-            seals.insert(name.clone(), seal::sha256(&self.answer(&name)?));
+        let mut seals = if self.has_seals() { self.read_seals()? } else { BTreeMap::new() };
+        for name in self.names()?.into_iter().filter(|n| self.has_case(n)) {
+            if !seals.contains_key(&name) {
+                let hash = seal::sha256(&self.answer(&name)?);
+                seals.insert(name, hash);
+            }
         }
         write(&self.root.join("seals.txt"), &seal::list(&seals))
     }
 
     /// The seals; every case must have one.
     pub(super) fn seals(&self) -> anyhow::Result<BTreeMap<String, String>> {
-        let path = self.root.join("seals.txt");
-        let seals = seal::read_list(&read(&path)?).map_err(|e| anyhow!("{}: {e}", path.display()))?;
+        let seals = self.read_seals()?;
         for name in self.names()? {
-            ensure!(seals.contains_key(&name), "{}: no seal of case {name}", path.display());
+            ensure!(seals.contains_key(&name), "{}: no seal of case {name}", self.root.join("seals.txt").display());
         }
         Ok(seals)
+    }
+
+    fn read_seals(&self) -> anyhow::Result<BTreeMap<String, String>> {
+        let path = self.root.join("seals.txt");
+        seal::read_list(&read(&path)?).map_err(|e| anyhow!("{}: {e}", path.display()))
     }
 
     /// Text of an answer.

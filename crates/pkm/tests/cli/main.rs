@@ -8,6 +8,7 @@ mod export;
 mod fixture;
 mod identify;
 mod mu;
+mod prove;
 mod reproduce;
 mod simulate;
 mod twin;
