@@ -76,9 +76,11 @@ fn level(text: &str) -> Result<Level, String> {
 
 fn robot(text: &str) -> Result<String, String> {
     let known = ROBOTS.iter().chain(&MORE);
-    known.clone().find(|r| **r == text).map(|r| (*r).to_string()).ok_or_else(|| {
-        format!("must be one of {}", known.copied().collect::<Vec<_>>().join(", "))
-    })
+    known
+        .clone()
+        .find(|r| **r == text)
+        .map(|r| (*r).to_string())
+        .ok_or_else(|| format!("must be one of {}", known.copied().collect::<Vec<_>>().join(", ")))
 }
 
 /// Runs the verb.

@@ -61,9 +61,8 @@ impl Level {
     pub const ALL: [Self; 8] = [Self::L0, Self::L1, Self::L2, Self::L3, Self::L4, Self::L5, Self::L6, Self::L7];
 
     /// Levels in the order in which cases take them: a quarter healthy, a third concealed by a refit.
-    pub const TURN: [Self; 12] = [
-        Self::L2, Self::L1, Self::L3, Self::L6, Self::L4, Self::L2, Self::L5, Self::L7, Self::L3, Self::L0, Self::L2, Self::L6,
-    ];
+    pub const TURN: [Self; 12] =
+        [Self::L2, Self::L1, Self::L3, Self::L6, Self::L4, Self::L2, Self::L5, Self::L7, Self::L3, Self::L0, Self::L2, Self::L6];
 
     /// Whether nothing is concealed.
     #[must_use]

@@ -301,7 +301,13 @@ impl Flex {
     #[must_use]
     pub fn force(&self, x: f64, rate: f64) -> f64 {
         let half = 0.5 * self.gap;
-        let deep = if x > half { x - half } else if x < -half { x + half } else { return 0.0 };
+        let deep = if x > half {
+            x - half
+        } else if x < -half {
+            x + half
+        } else {
+            return 0.0;
+        };
         let elastic = self.stiffness * deep * (1.0 + (deep / self.hardening) * (deep / self.hardening));
         let all = elastic + self.damping * rate;
         // A flank pushes, it does not pull.
@@ -415,7 +421,9 @@ mod tests {
     #[test]
     fn amplifiers_pass_small_efforts_and_hold_back_large_ones() {
         let chain = Chain { limit: 10.0, ..Chain::IDEAL };
-        assert!((chain.passed(5.0) - 5.0).abs() < 1e-9 && (chain.passed(50.0) - 10.0).abs() < 1e-9 && (chain.passed(-50.0) + 10.0).abs() < 1e-9);
+        assert!(
+            (chain.passed(5.0) - 5.0).abs() < 1e-9 && (chain.passed(50.0) - 10.0).abs() < 1e-9 && (chain.passed(-50.0) + 10.0).abs() < 1e-9
+        );
         assert!((Chain { dead: 1.0, ..Chain::IDEAL }.passed(-3.0) + 2.0).abs() < 1e-12);
     }
 

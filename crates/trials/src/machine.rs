@@ -252,7 +252,8 @@ impl Machine {
             mass += (a.transpose() * b + b.transpose() * a) * f.strength[0];
         }
         let solved = mass.cholesky().map(|c| c.solve(&force));
-        out.x = solved.filter(|a| a.iter().all(|x| x.abs() < 1e6)).ok_or_else(|| RobotError::Unknown("the motion runs away".to_string()))?;
+        out.x =
+            solved.filter(|a| a.iter().all(|x| x.abs() < 1e6)).ok_or_else(|| RobotError::Unknown("the motion runs away".to_string()))?;
         out.acceleration = &m.ratio * &out.x + &m.ratio_bias;
         Ok(out)
     }
@@ -311,9 +312,9 @@ impl Machine {
                 let swell = math::sin(core::f64::consts::PI * u.clamp(0.0, 1.0));
                 along * (swell * swell)
             }
-            Push::Restless { sines } => Vector3::from_fn(|k, _| {
-                sines[k].iter().map(|[a, hz, p]| a * math::sin(core::f64::consts::TAU * hz * s.t + p)).sum::<f64>()
-            }),
+            Push::Restless { sines } => {
+                Vector3::from_fn(|k, _| sines[k].iter().map(|[a, hz, p]| a * math::sin(core::f64::consts::TAU * hz * s.t + p)).sum::<f64>())
+            }
         };
         for k in 0..force.len() {
             let [w, v] = m.partial[h.link][k];
@@ -337,7 +338,12 @@ impl Machine {
         s.q.iter_mut().zip(first.q.iter()).for_each(|(q, v)| *q += v * dt);
         s.x += &first.x * dt;
         s.motor.iter_mut().zip(&first.motor).for_each(|(m, r)| *m = [m[0] + r[0] * dt, m[1] + r[1] * dt]);
-        s.lag.iter_mut().zip(&first.lag).zip(&self.chains).filter(|(_, c)| c.lag > 0.0).for_each(|((m, r), _)| *m = [m[0] + r[0] * dt, m[1] + r[1] * dt]);
+        s.lag
+            .iter_mut()
+            .zip(&first.lag)
+            .zip(&self.chains)
+            .filter(|(_, c)| c.lag > 0.0)
+            .for_each(|((m, r), _)| *m = [m[0] + r[0] * dt, m[1] + r[1] * dt]);
         s.bristles.iter_mut().enumerate().for_each(|(k, z)| *z = self.friction[k].bent(*z, speeds[k], dt));
         s.acceleration = first.acceleration.clone();
         s.load.clone_from(&first.load);

@@ -13,17 +13,47 @@ use crate::robot::{Motion, RobotError};
 
 /// Effects that can be concealed, by the names of the catalogue.
 pub const INSIDE: [&str; 36] = [
-    "friction_viscous", "friction_coulomb", "friction_asymmetric", "friction_stribeck", "friction_quadratic", "friction_load",
-    "friction_presliding", "friction_position", "friction_thermal", "friction_passive", "directional_efficiency", "backlash",
-    "joint_elasticity", "structure_flexibility", "rotor_inertia", "payload", "inertia_error", "spring", "cable_force", "gravity_tilt",
-    "torque_constant", "torque_offset", "torque_ripple", "transmission_coupling", "actuator_lag", "time_delay", "saturation", "dead_zone",
-    "encoder_offset", "encoder_eccentricity", "geometry_error", "limb_impedance", "contact", "external_force", "active_limb", "sensor_drift",
+    "friction_viscous",
+    "friction_coulomb",
+    "friction_asymmetric",
+    "friction_stribeck",
+    "friction_quadratic",
+    "friction_load",
+    "friction_presliding",
+    "friction_position",
+    "friction_thermal",
+    "friction_passive",
+    "directional_efficiency",
+    "backlash",
+    "joint_elasticity",
+    "structure_flexibility",
+    "rotor_inertia",
+    "payload",
+    "inertia_error",
+    "spring",
+    "cable_force",
+    "gravity_tilt",
+    "torque_constant",
+    "torque_offset",
+    "torque_ripple",
+    "transmission_coupling",
+    "actuator_lag",
+    "time_delay",
+    "saturation",
+    "dead_zone",
+    "encoder_offset",
+    "encoder_eccentricity",
+    "geometry_error",
+    "limb_impedance",
+    "contact",
+    "external_force",
+    "active_limb",
+    "sensor_drift",
 ];
 
 /// Physics that no catalogue has a name for.
-pub const OUTSIDE: [&str; 6] = [
-    "outside_cubed_coupling", "outside_free_sine", "outside_detent", "outside_creep", "outside_inertial_stick", "outside_travel_friction",
-];
+pub const OUTSIDE: [&str; 6] =
+    ["outside_cubed_coupling", "outside_free_sine", "outside_detent", "outside_creep", "outside_inertial_stick", "outside_travel_friction"];
 
 /// What a drive does in the healthy robot.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -108,7 +138,16 @@ impl Choice {
 
     fn new(effect: &str, place: &[&str], form: &'static str, start: f64, apply: Apply) -> Self {
         let place = place.iter().map(|s| (*s).to_string()).collect();
-        Self { effect: effect.to_string(), place, form, is_textbook: false, start, cap: f64::INFINITY, apply, parameters: Box::new(|_| Vec::new()) }
+        Self {
+            effect: effect.to_string(),
+            place,
+            form,
+            is_textbook: false,
+            start,
+            cap: f64::INFINITY,
+            apply,
+            parameters: Box::new(|_| Vec::new()),
+        }
     }
 
     fn textbook(mut self) -> Self {
@@ -187,23 +226,39 @@ impl Pick<'_> {
         let at = |law| resist(self.joint, self.joint, law);
         Some(match name {
             "friction_viscous" => {
-                let apply: Apply = Box::new(move |m, a, _| { m.friction[k].viscous += a; Ok(()) });
+                let apply: Apply = Box::new(move |m, a, _| {
+                    m.friction[k].viscous += a;
+                    Ok(())
+                });
                 Choice::new(name, &here, "linear", force / f.speed, apply).textbook().with(move |a| one("viscous", viscous + a, viscous))
             }
             "friction_coulomb" => {
-                let apply: Apply = Box::new(move |m, a, _| { m.friction[k].coulomb += a; Ok(()) });
-                Choice::new(name, &here, "bristles, a band or a root at rest", force, apply).with(move |a| one("coulomb", coulomb + a, coulomb))
+                let apply: Apply = Box::new(move |m, a, _| {
+                    m.friction[k].coulomb += a;
+                    Ok(())
+                });
+                Choice::new(name, &here, "bristles, a band or a root at rest", force, apply)
+                    .with(move |a| one("coulomb", coulomb + a, coulomb))
             }
             "friction_asymmetric" => {
                 let (way, share) = (random.sign(), random.uniform(0.3, 1.0) / f.speed);
                 let names = if way > 0.0 { ["coulomb_pos", "viscous_pos"] } else { ["coulomb_neg", "viscous_neg"] };
-                Choice::new(name, &here, "more in one direction, smooth switch", force, at(Resist::OneWay { speed: soft, viscous: share, way }))
-                    .with(move |a| [one(names[0], coulomb + a, coulomb), one(names[1], viscous + a * share, viscous)].concat())
+                Choice::new(
+                    name,
+                    &here,
+                    "more in one direction, smooth switch",
+                    force,
+                    at(Resist::OneWay { speed: soft, viscous: share, way }),
+                )
+                .with(move |a| [one(names[0], coulomb + a, coulomb), one(names[1], viscous + a * share, viscous)].concat())
             }
             "friction_stribeck" => {
                 let exponent = [1.0, 1.6, 2.0][random.index(3)];
                 let speed = random.uniform(0.08, 0.2) * f.speed;
-                let apply: Apply = Box::new(move |m, a, _| { m.friction[k].peak = [a, speed, exponent]; Ok(()) });
+                let apply: Apply = Box::new(move |m, a, _| {
+                    m.friction[k].peak = [a, speed, exponent];
+                    Ok(())
+                });
                 let choice = Choice::new(name, &here, "exponent 1, 1.6 or 2 on bristles or smooth friction", 2.0 * force, apply);
                 let choice = if exponent > 1.9 { choice.textbook() } else { choice };
                 choice.with(move |a| one("stiction", coulomb + a, coulomb))
@@ -215,9 +270,11 @@ impl Pick<'_> {
                 let choice = if power == 2.0 { choice.textbook() } else { choice };
                 choice.with(move |a| [one("drag", a, 0.0), one("exponent", power, 0.0)].concat())
             }
-            "friction_load" => Choice::new(name, &here, "root of load squared", 0.03, at(Resist::Load { speed: soft, floor: 0.1 * f.spread }))
-                .cap(0.5)
-                .with(|a| one("mu", a, 0.0)),
+            "friction_load" => {
+                Choice::new(name, &here, "root of load squared", 0.03, at(Resist::Load { speed: soft, floor: 0.1 * f.spread }))
+                    .cap(0.5)
+                    .with(|a| one("mu", a, 0.0))
+            }
             "friction_presliding" => {
                 let mass = f.inertia;
                 let apply: Apply = Box::new(move |m, a, _| {
@@ -225,15 +282,20 @@ impl Pick<'_> {
                     m.friction[k].dry = Dry::Bristles { reach: a, damping: 0.4 * (stiffness * mass).sqrt() };
                     Ok(())
                 });
-                Choice::new(name, &here, "LuGre bristles", 0.02 * f.reach, apply).cap(0.5 * f.reach).with(move |a| one("stiffness", coulomb / a, 0.0))
+                Choice::new(name, &here, "LuGre bristles", 0.02 * f.reach, apply)
+                    .cap(0.5 * f.reach)
+                    .with(move |a| one("stiffness", coulomb / a, 0.0))
             }
-            "friction_position" => Choice::new(name, &here, "smooth sign", force / f.reach, at(Resist::Along { speed: soft, at: f.centre }))
-                .textbook()
-                .cap(0.8 * coulomb / f.reach)
-                .with(|a| one("coulomb_slope", a, 0.0)),
+            "friction_position" => {
+                Choice::new(name, &here, "smooth sign", force / f.reach, at(Resist::Along { speed: soft, at: f.centre }))
+                    .textbook()
+                    .cap(0.8 * coulomb / f.reach)
+                    .with(|a| one("coulomb_slope", a, 0.0))
+            }
             "friction_thermal" => {
                 let time = random.uniform(3.0, 8.0);
-                Choice::new(name, &here, "warm-up of first order, no thermometer", force / f.speed, at(Resist::Warming { time })).cap(0.8 * viscous)
+                Choice::new(name, &here, "warm-up of first order, no thermometer", force / f.speed, at(Resist::Warming { time }))
+                    .cap(0.8 * viscous)
             }
             "friction_passive" => return self.passive(random),
             "directional_efficiency" => {
@@ -287,7 +349,8 @@ impl Pick<'_> {
                     flexible(m, Flex { stiffness: 1.0 / a, hardening, damping: 0.1 * (swinging / a).sqrt(), gap: 0.0 });
                     Ok(())
                 });
-                let choice = Choice::new(name, &here, "linear or hardening spring", 1.0 / (per_hertz * 900.0), apply).cap(1.0 / (per_hertz * 36.0));
+                let choice =
+                    Choice::new(name, &here, "linear or hardening spring", 1.0 / (per_hertz * 900.0), apply).cap(1.0 / (per_hertz * 36.0));
                 let choice = if is_hard { choice } else { choice.textbook() };
                 choice.with(|a| one("stiffness", 1.0 / a, 0.0))
             }
@@ -302,7 +365,8 @@ impl Pick<'_> {
                 });
                 let names = [self.scene.plant.robot.drive_name(k - 1), self.name()];
                 Choice::new(name, &names, "inertia, dry and viscous friction", 0.5, apply).textbook().cap(10.0).with(move |a| {
-                    [one("inertia", a * strength[0], 0.0), one("coulomb", a * strength[1], 0.0), one("viscous", a * strength[2], 0.0)].concat()
+                    [one("inertia", a * strength[0], 0.0), one("coulomb", a * strength[1], 0.0), one("viscous", a * strength[2], 0.0)]
+                        .concat()
                 })
             }
             _ => return None,
@@ -330,7 +394,8 @@ impl Pick<'_> {
             m.substeps = m.substeps.max(2);
             Ok(())
         });
-        let choice = Choice::new("structure_flexibility", &[&plant.robot.root], "base on a torsion spring", 1.0 / (per_hertz * 400.0), apply);
+        let choice =
+            Choice::new("structure_flexibility", &[&plant.robot.root], "base on a torsion spring", 1.0 / (per_hertz * 400.0), apply);
         Some(choice.cap(1.0 / (per_hertz * 16.0)).with(|a| one("stiffness", 1.0 / a, 0.0)))
     }
 
@@ -339,7 +404,10 @@ impl Pick<'_> {
         let joint = self.joint;
         Some(match name {
             "rotor_inertia" => {
-                let apply: Apply = Box::new(move |m, a, _| { m.plant.rotors[joint + usize::from(m.rock.is_some())] += a; Ok(()) });
+                let apply: Apply = Box::new(move |m, a, _| {
+                    m.plant.rotors[joint + usize::from(m.rock.is_some())] += a;
+                    Ok(())
+                });
                 Choice::new(name, &[self.name()], "inertia", 0.05 * self.fact.inertia, apply).textbook().with(|a| one("inertia", a, 0.0))
             }
             "payload" => {
@@ -352,7 +420,9 @@ impl Pick<'_> {
                     m.plant.robot.joints[link].inertia = m.plant.robot.joints[link].inertia.plus(&ball);
                     Ok(())
                 });
-                Choice::new(name, &[&robot.joints[end].link], "a ball off the middle", 0.02 * total, apply).textbook().with(|a| one("mass", a, 0.0))
+                Choice::new(name, &[&robot.joints[end].link], "a ball off the middle", 0.02 * total, apply)
+                    .textbook()
+                    .with(|a| one("mass", a, 0.0))
             }
             "inertia_error" => {
                 let link = *random.choose(&self.scene.plant.weighty())?;
@@ -396,7 +466,12 @@ impl Pick<'_> {
                 Ok(())
             });
             let link = &robot.joints[robot.joints[joint].parent?].link;
-            return Some(Choice::new("geometry_error", &[link], "a longer link", 2e-3, apply).textbook().cap(0.05).with(move |a| one(axis_name(axis), a, 0.0)));
+            return Some(
+                Choice::new("geometry_error", &[link], "a longer link", 2e-3, apply)
+                    .textbook()
+                    .cap(0.05)
+                    .with(move |a| one(axis_name(axis), a, 0.0)),
+            );
         }
         let l = random.index(robot.loops.len());
         let axis = robot.loops[l].held[random.index(robot.loops[l].held.len())];
@@ -428,7 +503,8 @@ impl Pick<'_> {
             "torque_ripple" => {
                 let order = random.uniform(3.0, 7.0) * PI / f.reach;
                 let law = Resist::Ripple { order, phase: random.uniform(0.0, TAU), harmonics: [0.3, 0.15] };
-                Choice::new(name, &here, "three harmonics", force, at(law)).with(move |a| [one("amplitude", a, 0.0), one("order", order, 0.0)].concat())
+                Choice::new(name, &here, "three harmonics", force, at(law))
+                    .with(move |a| [one("amplitude", a, 0.0), one("order", order, 0.0)].concat())
             }
             "contact" => {
                 let side = random.sign();
@@ -446,7 +522,10 @@ impl Pick<'_> {
         Some(match name {
             "torque_constant" => {
                 let sign = random.sign();
-                let apply: Apply = Box::new(move |m, a, _| { m.chains[k].scale = 1.0 + sign * a; Ok(()) });
+                let apply: Apply = Box::new(move |m, a, _| {
+                    m.chains[k].scale = 1.0 + sign * a;
+                    Ok(())
+                });
                 Choice::new(name, &here, "scale", 0.05, apply).textbook().cap(0.5).with(move |a| one("scale", 1.0 + sign * a, 1.0))
             }
             "torque_offset" => {
@@ -459,22 +538,37 @@ impl Pick<'_> {
                 let apply: Apply = Box::new(move |m, a, _| {
                     m.chains[k].lag = a;
                     // The second pole must stay well inside the step.
-                    m.substeps = m.substeps.max(if a < 1e-3 { 8 } else if a < 3e-3 { 4 } else { 2 });
+                    m.substeps = m.substeps.max(if a < 1e-3 {
+                        8
+                    } else if a < 3e-3 {
+                        4
+                    } else {
+                        2
+                    });
                     Ok(())
                 });
                 Choice::new(name, &here, "second order", 2e-3, apply).cap(0.02).with(|a| one("time_constant", a, 0.0))
             }
             "time_delay" => {
-                let apply: Apply = Box::new(move |m, a, _| { m.chains[k].delay += a; Ok(()) });
+                let apply: Apply = Box::new(move |m, a, _| {
+                    m.chains[k].delay += a;
+                    Ok(())
+                });
                 Choice::new(name, &here, "pure delay", 1e-3, apply).textbook().cap(0.02).with(|a| one("delay", a, 0.0))
             }
             "saturation" => {
                 let peak = f.peak;
-                let apply: Apply = Box::new(move |m, a, _| { m.chains[k].limit = peak * (1.0 - a); Ok(()) });
+                let apply: Apply = Box::new(move |m, a, _| {
+                    m.chains[k].limit = peak * (1.0 - a);
+                    Ok(())
+                });
                 Choice::new(name, &here, "rounded corner", 0.05, apply).cap(0.5).with(move |a| one("limit", peak * (1.0 - a), 0.0))
             }
             "dead_zone" => {
-                let apply: Apply = Box::new(move |m, a, _| { m.chains[k].dead = a; Ok(()) });
+                let apply: Apply = Box::new(move |m, a, _| {
+                    m.chains[k].dead = a;
+                    Ok(())
+                });
                 Choice::new(name, &here, "dead zone", force, apply).textbook().cap(0.5 * f.spread).with(|a| one("width", a, 0.0))
             }
             _ => return None,
@@ -488,8 +582,14 @@ impl Pick<'_> {
         Some(match name {
             "encoder_offset" => {
                 let sign = random.sign();
-                let apply: Apply = Box::new(move |m, a, _| { m.encoders[k].offset = sign * a; Ok(()) });
-                Choice::new(name, &here, "constant", 0.01 * f.reach, apply).textbook().cap(0.2 * f.reach).with(move |a| one("offset", sign * a, 0.0))
+                let apply: Apply = Box::new(move |m, a, _| {
+                    m.encoders[k].offset = sign * a;
+                    Ok(())
+                });
+                Choice::new(name, &here, "constant", 0.01 * f.reach, apply)
+                    .textbook()
+                    .cap(0.2 * f.reach)
+                    .with(move |a| one("offset", sign * a, 0.0))
             }
             "encoder_eccentricity" => {
                 // Once per turn of a screw of 20 mm, or of the joint.
@@ -504,8 +604,13 @@ impl Pick<'_> {
             }
             "sensor_drift" => {
                 let sign = random.sign();
-                let apply: Apply = Box::new(move |m, a, _| { m.drift[k] = sign * a; Ok(()) });
-                Choice::new(name, &here, "effort drifts in proportion to time", self.force() / 6.0, apply).textbook().with(move |a| one("rate", sign * a, 0.0))
+                let apply: Apply = Box::new(move |m, a, _| {
+                    m.drift[k] = sign * a;
+                    Ok(())
+                });
+                Choice::new(name, &here, "effort drifts in proportion to time", self.force() / 6.0, apply)
+                    .textbook()
+                    .with(move |a| one("rate", sign * a, 0.0))
             }
             _ => return None,
         })
@@ -569,8 +674,20 @@ impl Pick<'_> {
                 let law = Resist::Detent { at: f.centre + random.uniform(-0.4, 0.4) * f.reach, width: 0.08 * f.reach };
                 Choice::new(name, &here, "magnetic detent", 3.0 * force, at(law))
             }
-            "outside_creep" => Choice::new(name, &here, "spring and damper in series", force / f.reach, at(Resist::Creep { time: random.uniform(0.3, 1.0) })),
-            "outside_inertial_stick" => Choice::new(name, &here, "dry friction in proportion to acceleration", force / (6.0 * f.speed), at(Resist::InertialStick { speed: soft })),
+            "outside_creep" => Choice::new(
+                name,
+                &here,
+                "spring and damper in series",
+                force / f.reach,
+                at(Resist::Creep { time: random.uniform(0.3, 1.0) }),
+            ),
+            "outside_inertial_stick" => Choice::new(
+                name,
+                &here,
+                "dry friction in proportion to acceleration",
+                force / (6.0 * f.speed),
+                at(Resist::InertialStick { speed: soft }),
+            ),
             "outside_travel_friction" => {
                 let law = Resist::Travel { pitch: random.uniform(2.0, 4.0) * f.reach, speed: soft };
                 Choice::new(name, &here, "dry friction that comes and goes with distance travelled", force, at(law))

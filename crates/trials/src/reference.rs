@@ -32,8 +32,7 @@ impl Path {
     pub fn random(centre: &[f64], reach: &[f64], (period, harmonics): (f64, usize), random: &mut Stream) -> Self {
         let mut sines: Vec<Vec<[f64; 2]>> = Vec::new();
         for &reach in reach {
-            let one: Vec<[f64; 2]> =
-                (1..=harmonics).map(|k| [random.uniform(0.6, 1.0) / k as f64, random.uniform(0.0, TAU)]).collect();
+            let one: Vec<[f64; 2]> = (1..=harmonics).map(|k| [random.uniform(0.6, 1.0) / k as f64, random.uniform(0.0, TAU)]).collect();
             let value = |u: f64| one.iter().enumerate().map(|(k, [a, p])| a * sin(TAU * (k + 1) as f64 * u + p)).sum::<f64>().abs();
             let peak = (0..400).map(|i| value(f64::from(i) / 400.0)).fold(1e-9, f64::max);
             sines.push(one.iter().map(|[a, p]| [a * reach / peak, *p]).collect());
@@ -131,7 +130,8 @@ impl Reference {
             let force = &m.mass * &a + &m.bias;
             let feedforward = efforts(&ratio, &force).ok_or_else(|| RobotError::Unknown("drives that cannot move it".to_string()))?;
             let all = &m.ratio * &a + &m.ratio_bias;
-            let of_drives = |x: &dyn Fn(usize) -> f64| DVector::from_iterator(plant.robot.drives.len(), plant.robot.drives.iter().map(|d| x(d.joint)));
+            let of_drives =
+                |x: &dyn Fn(usize) -> f64| DVector::from_iterator(plant.robot.drives.len(), plant.robot.drives.iter().map(|d| x(d.joint)));
             rows.push(Wanted { q: of_drives(&|j| q[j]), v: of_drives(&|j| m.velocity[j]), a: of_drives(&|j| all[j]), feedforward });
         }
         Ok(Self { rows, start, start_velocity: first_velocity, duration })

@@ -44,7 +44,8 @@ pub struct Inertia {
 
 impl Inertia {
     /// Nothing.
-    pub const ZERO: Self = Self { mass: 0.0, moment: Vector3::new(0.0, 0.0, 0.0), tensor: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) };
+    pub const ZERO: Self =
+        Self { mass: 0.0, moment: Vector3::new(0.0, 0.0, 0.0), tensor: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) };
 
     /// From mass `[kg]`, centre `[m]` and inertia about it `[kg·m²]`.
     #[must_use]

@@ -200,7 +200,9 @@ mod tests {
             let mut random = Stream::new(3, 1, "mishap");
             let mut r = noise.record(&trace(500), &mut random);
             r.spoil(mishap, &mut random);
-            assert!(r.t.windows(2).all(|w| w[1] > w[0]) && r.t.len() == r.q.len() && r.t.len() == r.tau.len() && r.t.len() == r.wanted.len());
+            assert!(
+                r.t.windows(2).all(|w| w[1] > w[0]) && r.t.len() == r.q.len() && r.t.len() == r.tau.len() && r.t.len() == r.wanted.len()
+            );
             let csv = r.csv(&robot, &["tau = measured".to_string()]);
             assert_eq!(csv.lines().count(), 2 + r.t.len());
             assert_eq!(csv.lines().nth(1), Some("t,q.d,tau.d,q_ref.d,dq_ref.d,ddq_ref.d"));

@@ -16,10 +16,15 @@ fn json(path: &Path) -> Value {
 fn a_small_run_is_sealed_diagnosed_scored_and_cannot_be_changed_afterwards() {
     let folder = TempDir::new().unwrap();
     let at = folder.path();
-    let make = ["prove", "--cases", "6", "--seed", "11", "--out", "run", "--level", "L1", "--level", "L6", "--robot", "prs3", "--robot", "five_bar"];
+    let make = [
+        "prove", "--cases", "6", "--seed", "11", "--out", "run", "--level", "L1", "--level", "L6", "--robot", "prs3", "--robot", "five_bar",
+    ];
     let sealed = prints(at, &[&make[..], &["--size", "4", "--seal-only"]].concat());
     assert_eq!(sealed.lines().filter(|l| l.ends_with(".json")).count(), 6, "{sealed}");
-    assert!(!at.join("run/results.json").exists() && fs::read_dir(at.join("run/runs")).unwrap().count() == 0, "sealed before anything runs");
+    assert!(
+        !at.join("run/results.json").exists() && fs::read_dir(at.join("run/runs")).unwrap().count() == 0,
+        "sealed before anything runs"
+    );
     let kept = fs::read_to_string(at.join("run/seals.txt")).unwrap();
     refused(at, &make, &["run", "--resume"]);
 
@@ -64,7 +69,10 @@ fn bad_runs_are_refused() {
 fn cases_of_strangers_are_scored_like_ours() {
     let folder = TempDir::new().unwrap();
     let at = folder.path();
-    prints(at, &["prove", "--cases", "1", "--seed", "2", "--out", "run", "--level", "L6", "--robot", "motobotte", "--seal-only", "--quiet"]);
+    prints(
+        at,
+        &["prove", "--cases", "1", "--seed", "2", "--out", "run", "--level", "L6", "--robot", "motobotte", "--seal-only", "--quiet"],
+    );
     // Another name, an answer with the least that docs/PROOF.md asks for, a seal made with any other program.
     fs::rename(at.join("run/cases/0001"), at.join("run/cases/theirs")).unwrap();
     fs::remove_file(at.join("run/answers/0001.json")).unwrap();

@@ -78,7 +78,9 @@ fn is_it(effect: &str, place: &[String], truth: &Concealed) -> bool {
 /// When an effect acts: a finding that names any of these is right about it.
 fn regimes(effect: &str) -> &'static [&'static str] {
     match effect {
-        "friction_coulomb" | "friction_asymmetric" | "friction_position" | "friction_passive" => &["moving", "low_speed", "reversal", "all"],
+        "friction_coulomb" | "friction_asymmetric" | "friction_position" | "friction_passive" => {
+            &["moving", "low_speed", "reversal", "all"]
+        }
         "friction_stribeck" => &["low_speed", "reversal", "standstill"],
         "friction_presliding" | "backlash" => &["reversal", "standstill", "low_speed"],
         "friction_viscous" | "friction_quadratic" => &["moving", "high_speed", "all"],
@@ -179,7 +181,10 @@ fn covered(truth: &Concealed, f: &Finding) -> Vec<bool> {
 
 /// (Nominal − final)/(nominal − floor) of squared held-out errors; none where the floor is most of it, or nobody pushes in the holdout.
 fn explained(answer: &Answer, v: &Verdict) -> Option<f64> {
-    if v.status != "ok" || answer.level.is_healthy() || answer.concealed.iter().any(|t| t.effect == "external_force" || t.effect == "active_limb") {
+    if v.status != "ok"
+        || answer.level.is_healthy()
+        || answer.concealed.iter().any(|t| t.effect == "external_force" || t.effect == "active_limb")
+    {
         return None;
     }
     let floor = floor_below(&answer.floor, v.heldout.band_hz)?;

@@ -8,9 +8,10 @@ use super::tally::{Count, Tally, tally};
 use crate::case::Level;
 
 fn share(c: Count) -> String {
-    c.share().map_or_else(|| "–".to_string(), |[p, low, high]| {
-        format!("{:.0} % ({}/{}; {:.0}–{:.0})", 100.0 * p, c.yes, c.all, 100.0 * low, 100.0 * high)
-    })
+    c.share().map_or_else(
+        || "–".to_string(),
+        |[p, low, high]| format!("{:.0} % ({}/{}; {:.0}–{:.0})", 100.0 * p, c.yes, c.all, 100.0 * low, 100.0 * high),
+    )
 }
 
 fn number(x: Option<f64>) -> String {
@@ -77,7 +78,13 @@ pub fn markdown(marks: &[Marks]) -> String {
     }
     let _ = writeln!(out, "\nCases that failed:\n\n| case | level | robot | concealed | size | said |\n|---|---|---|---|---|---|");
     for m in marks.iter().filter(|m| has_failed(m)) {
-        let said = if !m.ran { "no verdict".to_string() } else if m.said.is_empty() { "nothing missing".to_string() } else { m.said.join(", ") };
+        let said = if !m.ran {
+            "no verdict".to_string()
+        } else if m.said.is_empty() {
+            "nothing missing".to_string()
+        } else {
+            m.said.join(", ")
+        };
         let concealed = if m.concealed.is_empty() { "nothing".to_string() } else { m.concealed.join(", ") };
         let _ = writeln!(out, "| {} | {:?} | {} | {concealed} | {} | {said} |", m.case, m.level, m.robot, number(m.size));
     }
