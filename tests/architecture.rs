@@ -16,7 +16,7 @@ fn root() -> PathBuf {
 // ---- arrows between crates
 
 /// Which workspace crates a crate may use. `None`: any, because nothing uses it.
-const ARROWS: [(&str, Option<&[&str]>); 18] = [
+const ARROWS: [(&str, Option<&[&str]>); 19] = [
     ("pkm-hal", Some(&[])),
     ("pkm-dyn", Some(&[])),
     ("pkm-robots", Some(&[])),
@@ -31,6 +31,8 @@ const ARROWS: [(&str, Option<&[&str]>); 18] = [
     ("pkm-live", Some(&["pkm-record", "pkm-hal"])),
     ("pkm-report", Some(&["pkm-dyn", "pkm-ident", "pkm-diagnose"])),
     ("pkm-papers", Some(&["pkm-dyn", "pkm-robots", "pkm-ctrl", "pkm-ident", "pkm-sim"])),
+    // A proof must not share the mistakes of what it proves: files of robots, nothing else.
+    ("pkm-trials", Some(&["pkm-robots"])),
     ("xtask", Some(&[])),
     ("pkm", None),
     ("pkm-python", None),
@@ -236,7 +238,7 @@ fn prints(text: &str) -> Option<usize> {
 fn libraries_never_print() {
     assert_eq!(prints("/// println!(1)\nfn f() {\n  eprintln!(\"x\");\n}"), Some(3));
     assert_eq!(prints("fn f() {}\n#[cfg(test)]\nmod t { fn g() { println!(); } }"), None);
-    let libraries = ["pkm-dyn", "ctrl", "lapack-shim", "ident", "diagnose", "hal", "sim", "record", "report", "daemon"];
+    let libraries = ["pkm-dyn", "ctrl", "lapack-shim", "ident", "diagnose", "hal", "sim", "record", "report", "daemon", "trials"];
     let in_library = |path: &Path| libraries.iter().any(|l| path.starts_with(Path::new("crates").join(l).join("src")));
     let all = sources().into_iter().filter(|(path, _)| in_library(path) && !path.ends_with("tests.rs"));
     let found: Vec<String> = all.filter_map(|(path, text)| prints(&text).map(|line| format!("{}:{line}", path.display()))).collect();

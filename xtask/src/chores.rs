@@ -1,6 +1,7 @@
 //! The commands besides `test`: long runs, benches, the wheel to publish, golden files.
 
 use std::fs;
+use std::path::Path;
 
 use crate::python;
 use crate::shell::{answer, cargo, program, root, run};
@@ -19,7 +20,18 @@ pub(crate) fn long(only: &[&str]) -> Result<(), String> {
     only.iter().for_each(|name| {
         command.args(["--test", name]);
     });
-    run(command.env("PKM_LONG", "1").env("PKM_RESULTS", &results).env("PKM_COMMIT", commit))
+    run(command.env("PKM_LONG", "1").env("PKM_RESULTS", &results).env("PKM_COMMIT", &commit))?;
+    if only.is_empty() { prove(&results, &commit) } else { Ok(()) }
+}
+
+/// The blind trials of docs/PROOF.md in full; a run that was stopped goes on when the commit is the same.
+fn prove(results: &Path, commit: &str) -> Result<(), String> {
+    let out = root().join("target/proof").join(commit);
+    let mut command = cargo("run --release --locked -p pkm -- prove --cases 1200 --seed 1 --jobs 2 --resume --quiet --out");
+    run(command.arg(&out))?;
+    let table = fs::read_to_string(out.join("results.md")).map_err(|e| format!("{}: {e}", out.display()))?;
+    let path = results.join("prove.md");
+    fs::write(&path, format!("commit {commit}\n\n{table}")).map_err(|e| format!("{}: {e}", path.display()))
 }
 
 /// Short id of the commit, marked when files differ from it.

@@ -21,6 +21,7 @@ mod out;
 mod outputs;
 mod plan;
 mod progress;
+mod prove;
 mod random;
 mod replay;
 mod reproduce;
@@ -71,6 +72,7 @@ Find missing physics:
   plan        Say before any recording what a motion could show, and what would be mistaken for what
   diagnose    Locate, name and size what a robot file leaves out of its recordings
   trial-null  Diagnose the same runs with nothing missing: how often is something found?
+  prove       Make blind trials with sealed answers, diagnose them and score the verdicts
 
 Analyse a control loop:
   mu          Bound the structured singular value: how much uncertainty a loop survives
@@ -143,6 +145,8 @@ enum Verb {
     Diagnose(diagnose::Args),
     /// Diagnose the same runs with nothing missing: how often is something found?
     TrialNull(trial_null::Args),
+    /// Make blind trials with sealed answers, diagnose them and score the verdicts.
+    Prove(prove::Args),
     /// Bound the structured singular value: how much uncertainty a loop survives.
     Mu(mu::Args),
     /// Say whether this machine can run a control loop on time.
@@ -182,6 +186,7 @@ fn main() -> ExitCode {
         Verb::Plan(args) => plan::run(args),
         Verb::Diagnose(args) => diagnose::run(args),
         Verb::TrialNull(args) => trial_null::run(args),
+        Verb::Prove(args) => prove::run(args),
         Verb::Mu(args) => mu::run(args),
         Verb::Doctor(args) => doctor::run(args),
         Verb::Daemon(args) => daemon::run(args),

@@ -11,6 +11,7 @@ mod fixture;
 mod identify;
 mod mu;
 mod plan;
+mod prove;
 mod replay;
 mod reproduce;
 mod simulate;

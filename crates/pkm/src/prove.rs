@@ -1,0 +1,180 @@
+//! `pkm prove`: blind trials. Cases are made and sealed, each is diagnosed by a process of its own, seals are opened, verdicts scored.
+
+mod folder;
+mod trial;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use anyhow::{anyhow, ensure};
+use pkm_trials::case::{Level, MORE, ROBOTS, Wish, make};
+use pkm_trials::score::{Marks, judge, markdown, page};
+use pkm_trials::seal;
+
+use crate::out;
+use crate::progress::Progress;
+use folder::Folder;
+
+/// Arguments of `pkm prove`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+The plants, laws and random numbers of the trials are their own; the diagnosis sees the public files of a case and nothing else. What
+docs/PROOF.md says of the format lets you put in cases of your own: cases/NAME/ with case.toml, answers/NAME.json, seals.txt.
+
+Exit status: 0 all was scored, 1 a seal is broken, 2 bad usage or bad input.
+
+Examples:
+  pkm prove --cases 40 --seed 1 --out proof
+  pkm prove --cases 1200 --seed 7 --out proof --jobs 4 --resume
+  pkm prove --cases 40 --seed 1 --out proof --seal-only
+  pkm prove --out proof --score-only")]
+pub(crate) struct Args {
+    /// Number of cases to make; without it, those that lie in the folder are used.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    cases: Option<u64>,
+    /// Seed of all cases.
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    seed: u64,
+    /// Folder for cases, answers, seals, verdicts and scores.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Diagnoses at a time.
+    #[arg(long, value_name = "J", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=64))]
+    jobs: u16,
+    /// Only this level of concealment, L0 to L7; may be given several times [default: all].
+    #[arg(long = "level", value_name = "L", value_parser = level)]
+    levels: Vec<Level>,
+    /// Only this robot; may be given several times [default: prs3, serial_arm, motobotte, ups3_rpu1, five_bar].
+    #[arg(long = "robot", value_name = "NAME", value_parser = robot)]
+    robots: Vec<String>,
+    /// Size of an effect over the smallest that can be detected; may be given several times [default: 0.5 1 2 4].
+    #[arg(long = "size", value_name = "X", value_parser = crate::diagnosis::positive)]
+    sizes: Vec<f64>,
+    /// Make and seal the cases, then stop.
+    #[arg(long, conflicts_with = "score_only")]
+    seal_only: bool,
+    /// Open the seals and score the verdicts that are there.
+    #[arg(long, conflicts_with = "cases")]
+    score_only: bool,
+    /// Go on with a run that was stopped: what is there is kept.
+    #[arg(long)]
+    resume: bool,
+    /// Stop a diagnosis after this time.
+    #[arg(long, value_name = "SECONDS", default_value_t = 900.0, value_parser = crate::diagnosis::positive)]
+    timeout: f64,
+    /// Print nothing but errors.
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+fn level(text: &str) -> Result<Level, String> {
+    let found = Level::ALL.into_iter().find(|l| format!("{l:?}").eq_ignore_ascii_case(text));
+    found.ok_or_else(|| "must be L0, L1 … L7".to_string())
+}
+
+fn robot(text: &str) -> Result<String, String> {
+    let known = ROBOTS.iter().chain(&MORE);
+    known
+        .clone()
+        .find(|r| **r == text)
+        .map(|r| (*r).to_string())
+        .ok_or_else(|| format!("must be one of {}", known.copied().collect::<Vec<_>>().join(", ")))
+}
+
+/// Runs the verb.
+pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let folder = Folder::new(&args.out);
+    if !args.score_only {
+        if let Some(count) = args.cases {
+            ensure!(args.resume || !folder.has_seals(), "{}: holds a run already; --resume goes on with it", args.out.display());
+            generate(args, &folder, count)?;
+        }
+        let names = folder.names()?;
+        let seals = folder.seals()?;
+        if !args.quiet {
+            out::say(seal::list(&seals).trim_end())?;
+        }
+        out::say(&format!("sealed {} answers; SHA-256 of the list {}", seals.len(), seal::sha256(&seal::list(&seals))))?;
+        if args.seal_only {
+            return Ok(ExitCode::SUCCESS);
+        }
+        diagnose(args, &folder, &names)?;
+    }
+    score(args, &folder)
+}
+
+/// Makes what is not there yet, several cases at a time; seals are written when every case is there.
+fn generate(args: &Args, folder: &Folder, count: u64) -> anyhow::Result<()> {
+    let levels = if args.levels.is_empty() { Level::ALL.to_vec() } else { args.levels.clone() };
+    let sizes = if args.sizes.is_empty() { vec![0.5, 1.0, 2.0, 4.0] } else { args.sizes.clone() };
+    folder.create()?;
+    let numbers: Vec<u64> = (1..=count).filter(|n| !(args.resume && folder.has_case(&Folder::name(*n)))).collect();
+    each("making", args, &numbers, |n| {
+        let wish = Wish::of(*n, args.seed, (&levels, &args.robots), &sizes);
+        let case = make(&wish).map_err(|e| anyhow!("case {n}: {e}"))?;
+        folder.write_case(&Folder::name(*n), &case)
+    })?;
+    folder.write_seals()
+}
+
+fn diagnose(args: &Args, folder: &Folder, names: &[String]) -> anyhow::Result<()> {
+    let left: Vec<String> = names.iter().filter(|n| !folder.has_run(n)).cloned().collect();
+    each("diagnosing", args, &left, |name| {
+        let ran = trial::diagnose(folder, name, args.timeout)?;
+        folder.write_run(name, &ran)
+    })
+}
+
+/// Does `work` for every item in `args.jobs` threads; the first error ends it.
+fn each<T: Sync>(label: &'static str, args: &Args, items: &[T], work: impl Fn(&T) -> anyhow::Result<()> + Sync) -> anyhow::Result<()> {
+    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let progress = Mutex::new(Progress::new(label, args.quiet));
+    let error = Mutex::new(None);
+    std::thread::scope(|scope| {
+        for _ in 0..args.jobs {
+            scope.spawn(|| {
+                while let Some(item) = items.get(next.fetch_add(1, Ordering::SeqCst)) {
+                    if let Err(e) = work(item) {
+                        // The others finish what they have begun and find nothing more.
+                        next.store(items.len(), Ordering::SeqCst);
+                        error.lock().unwrap_or_else(std::sync::PoisonError::into_inner).get_or_insert(e);
+                    }
+                    let share = (done.fetch_add(1, Ordering::SeqCst) + 1) as f64 / items.len() as f64;
+                    progress.lock().unwrap_or_else(std::sync::PoisonError::into_inner).update(share);
+                }
+            });
+        }
+    });
+    let error = error.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    error.map_or(Ok(()), Err)
+}
+
+fn score(args: &Args, folder: &Folder) -> anyhow::Result<ExitCode> {
+    let seals = folder.seals()?;
+    let mut marks: Vec<Marks> = Vec::new();
+    let mut broken = Vec::new();
+    for (name, hash) in &seals {
+        let text = folder.answer(name)?;
+        if seal::sha256(&text) != *hash {
+            broken.push(name.clone());
+            continue;
+        }
+        let Some(ran) = folder.run(name)? else { continue };
+        let answer = serde_json::from_str(&text).map_err(|e| anyhow!("answers/{name}.json: {e}"))?;
+        marks.push(judge(name, &answer, folder.verdict(name)?.as_ref(), &ran));
+    }
+    if !broken.is_empty() {
+        out::error(&format!("answers changed after they had been sealed: {}", broken.join(", ")));
+        return Ok(ExitCode::from(1));
+    }
+    ensure!(!marks.is_empty(), "{}: nothing has been diagnosed yet", args.out.display());
+    let table = markdown(&marks);
+    let title = format!("Blind trials: {} of {} cases, pkm {}", marks.len(), seals.len(), env!("CARGO_PKG_VERSION"));
+    folder.write_scores(&marks, &table, &page(&title, &marks))?;
+    if !args.quiet {
+        out::say(&out::clean(table.trim_end()))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,13 @@
+//! Scores: verdicts against opened answers, counted with their intervals, as a table and as a picture.
+
+mod judge;
+mod picture;
+mod table;
+mod tally;
+mod verdict;
+
+pub use judge::{Marks, Ran, judge};
+pub use picture::page;
+pub use table::markdown;
+pub use tally::{Count, Tally, tally, wilson};
+pub use verdict::{Finding, Place, Verdict};

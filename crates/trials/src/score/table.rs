@@ -1,0 +1,102 @@
+//! Tallies as a table in Markdown.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+
+use super::judge::Marks;
+use super::tally::{Count, Tally, tally};
+use crate::case::Level;
+
+fn share(c: Count) -> String {
+    c.share().map_or_else(
+        || "–".to_string(),
+        |[p, low, high]| format!("{:.0} % ({}/{}; {:.0}–{:.0})", 100.0 * p, c.yes, c.all, 100.0 * low, 100.0 * high),
+    )
+}
+
+fn number(x: Option<f64>) -> String {
+    x.map_or_else(|| "–".to_string(), |x| format!("{x:.2}"))
+}
+
+/// Tallies: all, per level, per size, per robot.
+pub(crate) fn tallies(marks: &[Marks]) -> Vec<Tally> {
+    let mut out = vec![tally("all", marks, |_| true)];
+    out.push(tally("L2 and L3, size 1.5 and more", marks, |m| {
+        [Level::L2, Level::L3].contains(&m.level) && m.size.is_some_and(|s| s >= 1.5)
+    }));
+    out.extend(Level::ALL.map(|l| tally(&format!("{l:?}"), marks, move |m| m.level == l)));
+    for (low, high) in [(0.0, 0.75), (0.75, 1.5), (1.5, 3.0), (3.0, 6.0), (6.0, 12.0), (12.0, f64::INFINITY)] {
+        let label = if high.is_finite() { format!("size {low} to {high}") } else { format!("size {low} and more") };
+        out.push(tally(&label, marks, move |m| m.level <= Level::L4 && m.size.is_some_and(|s| s >= low && s < high)));
+    }
+    let robots: BTreeSet<&str> = marks.iter().map(|m| m.robot.as_str()).collect();
+    out.extend(robots.into_iter().map(|r| tally(r, marks, move |m| m.robot == r)));
+    out.retain(|t| t.cases > 0);
+    out
+}
+
+/// Tables of a run: tallies, calibration, and every case that failed.
+#[must_use]
+pub fn markdown(marks: &[Marks]) -> String {
+    let tallies = tallies(marks);
+    let mut out = String::from(
+        "| cases | n | first name right | in the set | mean set | place | regime | detected | explained/oracle | size error | in ci95 | s |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|---|\n",
+    );
+    for t in &tallies {
+        let cells = [
+            t.label.clone(),
+            t.cases.to_string(),
+            share(t.first),
+            share(t.in_set),
+            number(t.set),
+            share(t.place),
+            share(t.regime),
+            share(t.detected),
+            number(t.explained),
+            number(t.size_error),
+            share(t.covered),
+            t.seconds.map_or_else(|| "–".to_string(), |s| format!("{s:.0}")),
+        ];
+        let _ = writeln!(out, "| {} |", cells.join(" | "));
+    }
+    let all = &tallies[0];
+    let _ = writeln!(out, "\n| what | share (count; interval of 95 %) |\n|---|---|");
+    for (what, count) in [
+        ("diagnoses that ended with a verdict", all.ran),
+        ("false alarms, nothing concealed (L6, L7)", all.alarms),
+        ("outside the catalogue: said to be unexplained (L5)", all.flagged),
+        ("outside the catalogue: given a name (L5)", all.impostors),
+        ("two effects: both found (L4)", all.both),
+        ("two effects: at least one found (L4)", all.either),
+    ] {
+        let _ = writeln!(out, "| {what} | {} |", share(count));
+    }
+    let _ = writeln!(out, "\n| stated confidence | mean | right |\n|---|---|---|");
+    for (from, to, mean, count) in &all.calibration {
+        let _ = writeln!(out, "| {from} to {to} | {mean:.2} | {} |", share(*count));
+    }
+    let _ = writeln!(out, "\nCases that failed:\n\n| case | level | robot | concealed | size | said |\n|---|---|---|---|---|---|");
+    for m in marks.iter().filter(|m| has_failed(m)) {
+        let said = if !m.ran {
+            "no verdict".to_string()
+        } else if m.said.is_empty() {
+            "nothing missing".to_string()
+        } else {
+            m.said.join(", ")
+        };
+        let concealed = if m.concealed.is_empty() { "nothing".to_string() } else { m.concealed.join(", ") };
+        let _ = writeln!(out, "| {} | {:?} | {} | {concealed} | {} | {said} |", m.case, m.level, m.robot, number(m.size));
+    }
+    out
+}
+
+/// Whether a case is to be listed: a miss, a false alarm, a false name, or only one of two effects.
+fn has_failed(m: &Marks) -> bool {
+    match m.level {
+        Level::L6 | Level::L7 => m.is_alarm || !m.ran,
+        Level::L5 => !m.is_flagged || m.is_impostor,
+        Level::L4 => m.found < 2,
+        _ => !m.is_first_right,
+    }
+}
