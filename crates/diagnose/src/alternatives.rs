@@ -67,7 +67,7 @@ pub(crate) fn alternatives(work: &Work, index: usize) -> (Vec<EffectAt>, Vec<Loo
         } else {
             format!("in its place it explains less than {:.0} % of what {own_name} explains", 100.0 * LOOK_ALIKE_SHARE)
         };
-        let place = vec![work.candidates[tried].name.clone()];
+        let place = work.candidates[tried].places(&work.robot.model);
         rejected.push(LookAlike { effect: l.effect.to_string(), place, why_not, separating_experiment: l.experiment.to_string() });
     }
     (same, rejected)
@@ -98,7 +98,7 @@ pub(crate) fn chain_rivals(work: &mut Work, band: f64) -> Vec<(usize, EffectAt)>
             if share >= ALIAS_SHARE && is_possible(work, work.picks.len() - 1) {
                 let (effect, c) = (work.candidates[candidate].effect_name(), &work.candidates[own]);
                 let separating_experiment = experiment(c.effect_name(), effect);
-                out.push((i, EffectAt { effect: effect.to_string(), place: vec![c.name.clone()], separating_experiment }));
+                out.push((i, EffectAt { effect: effect.to_string(), place: c.places(&work.robot.model), separating_experiment }));
             }
         }
         work.picks.clone_from(&picks);
@@ -111,7 +111,7 @@ pub(crate) fn chain_rivals(work: &mut Work, band: f64) -> Vec<(usize, EffectAt)>
 /// Whether a candidate sits where the pick does, or acts there at all when it is of another kind of place.
 fn is_at(work: &Work, c: &Candidate, pick: usize) -> bool {
     let own = &work.candidates[work.picks[pick].candidate];
-    if c.effect.entry().place == own.effect.entry().place { c.place == own.place } else { own.scope.iter().any(|j| c.scope.contains(j)) }
+    if c.effect.entry().place == own.effect.entry().place { c.is_where(own) } else { own.scope.iter().any(|j| c.scope.contains(j)) }
 }
 
 fn name(work: &Work, pick: usize) -> &'static str {
@@ -212,7 +212,7 @@ fn rivals(work: &Work, without: &[usize]) -> Vec<Rival> {
         // The best shape that is possible speaks for the candidate; the best of all where none is.
         let rival = |&(share, is_beaten, v): &(f64, bool, &Variant)| {
             let veto = veto(work, &s, c, v);
-            Rival { effect: candidate.effect_name(), place: vec![candidate.name.clone()], share, is_beaten, veto }
+            Rival { effect: candidate.effect_name(), place: candidate.places(&work.robot.model), share, is_beaten, veto }
         };
         let worth: Vec<Rival> = trials.iter().take_while(|t| t.0 >= LOOK_ALIKE_SHARE).take(MAX_SHAPES).map(rival).collect();
         let best = worth.iter().find(|r| r.veto.is_empty()).or(worth.first()).cloned();
@@ -228,7 +228,7 @@ const MAX_SHAPES: usize = 4;
 fn is_wider_law(work: &Work, candidate: usize, pick: usize) -> bool {
     let (c, p) = (&work.candidates[candidate], &work.candidates[work.picks[pick].candidate]);
     let wider = matches!(c.effect_name(), "friction_stribeck" | "friction_asymmetric");
-    c.place == p.place && wider && matches!(p.effect_name(), "friction_coulomb" | "friction_viscous")
+    c.is_where(p) && wider && matches!(p.effect_name(), "friction_coulomb" | "friction_viscous")
 }
 
 fn veto(work: &Work, s: &Stage, candidate: usize, v: &Variant) -> String {

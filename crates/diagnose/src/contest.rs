@@ -319,7 +319,7 @@ pub(crate) fn reading(
     let drive = work.drive(candidate);
     let softness = variant.softness.unwrap_or(work.softness);
     // At a drive whose effort scale is wrong, fits are in recorded units and laws in true ones.
-    let unit = if c.effect_name() == "torque_constant" { 1.0 } else { 1.0 / (1.0 + scale_error(work, c.place, coefficient)) };
+    let unit = if c.effect_name() == "torque_constant" { 1.0 } else { 1.0 / (1.0 + scale_error(work, drive, coefficient)) };
     let own: Vec<f64> = variant.columns.iter().take(variant.n_own).map(|&id| unit * coefficient(id)).collect();
     c.effect.read(&columns::View {
         model: &work.baseline,
@@ -333,10 +333,10 @@ pub(crate) fn reading(
 }
 
 /// Share by which the recorded effort of a driven joint is too large, where a wrong scale was picked there.
-fn scale_error(work: &Work, joint: usize, coefficient: &dyn Fn(ColumnId) -> f64) -> f64 {
+fn scale_error(work: &Work, drive: Option<usize>, coefficient: &dyn Fn(ColumnId) -> f64) -> f64 {
     let at = |p: &&Pick| {
         let c = &work.candidates[p.candidate];
-        c.effect_name() == "torque_constant" && c.place == joint
+        c.effect_name() == "torque_constant" && drive.is_some_and(|k| c.scope == [k])
     };
     work.picks.iter().find(at).map_or(0.0, |p| coefficient(p.variant.columns[0]).max(-0.9))
 }

@@ -59,14 +59,14 @@ pub(crate) fn detectable(work: &Work, left: &[Vec<Vec<f64>>], settings: &Setting
         if c.effect_name() == "inertia_error" {
             value *= model.links[c.place].parameters.mass;
         }
-        let kind = match c.effect.entry().place.site() {
+        let kind = match c.site {
             Site::Joint => model.joints[c.place].kind,
             _ => JointKind::Prismatic,
         };
         let unit = c.effect.entry().parameters.iter().find(|p| p.name == parameter).map_or("", |p| p.unit.text(kind));
         out.push(Detectable {
             effect: c.effect_name().to_string(),
-            place: vec![c.name.clone()],
+            place: c.places(model),
             parameter: parameter.to_string(),
             value,
             unit: unit.to_string(),
