@@ -227,8 +227,15 @@ const MAX_SHAPES: usize = 4;
 /// Whether a candidate's law contains the pick's at the same joint: a friction peak rides on dry friction and is no rival of it.
 fn is_wider_law(work: &Work, candidate: usize, pick: usize) -> bool {
     let (c, p) = (&work.candidates[candidate], &work.candidates[work.picks[pick].candidate]);
-    let wider = matches!(c.effect_name(), "friction_stribeck" | "friction_asymmetric");
-    c.is_where(p) && wider && matches!(p.effect_name(), "friction_coulomb" | "friction_viscous")
+    let contained: &[&str] = match c.effect_name() {
+        // Drag with the exponent 0 is dry friction, with 1 damping.
+        "friction_stribeck" | "friction_asymmetric" | "friction_quadratic" => &["friction_coulomb", "friction_viscous"],
+        // A joint that gives by nothing before it slides has dry friction.
+        "friction_position" | "friction_presliding" => &["friction_coulomb"],
+        "cable_force" => &["spring"],
+        _ => &[],
+    };
+    c.is_where(p) && contained.contains(&p.effect_name())
 }
 
 fn veto(work: &Work, s: &Stage, candidate: usize, v: &Variant) -> String {
