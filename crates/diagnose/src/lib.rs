@@ -34,6 +34,7 @@ mod screen;
 mod search;
 mod segment;
 mod settings;
+mod simplify;
 mod solve;
 pub mod verdict;
 mod work;

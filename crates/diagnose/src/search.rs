@@ -6,6 +6,7 @@ use crate::design::{Chain, ColumnId, View};
 use crate::gram::{Cross, Gram};
 use crate::screen::{self, Base};
 use crate::settings::{MAX_SHIFTS, MAX_STRUCTURAL, PRIORS, SOFTNESS, Settings};
+use crate::simplify::{fuller_shapes, one_cause};
 use crate::solve::Over;
 use crate::work::{Pick, Work};
 
@@ -31,6 +32,7 @@ pub(crate) fn search(work: &mut Work, band: f64, settings: &Settings, progress: 
     let ordinary = shifts(work, settings);
     settle_softness(work, band);
     prune(work, band, settings);
+    one_cause(work, band, settings);
     crate::confirm::confirm(work, band, settings);
     refine_chain(work, band);
     // What is left after a drop may read differently: nothing impossible or superfluous goes into a verdict.
@@ -40,7 +42,7 @@ pub(crate) fn search(work: &mut Work, band: f64, settings: &Settings, progress: 
 }
 
 /// Takes out, worst first, picks that the others make superfluous, that read as impossible, or that a simpler effect replaces.
-fn prune(work: &mut Work, band: f64, settings: &Settings) {
+pub(crate) fn prune(work: &mut Work, band: f64, settings: &Settings) {
     for _ in 0..2 * (MAX_SHIFTS + MAX_STRUCTURAL) {
         let Some(worst) = superfluous(work, settings) else { return };
         drop_pick(work, worst, band);
@@ -179,6 +181,7 @@ fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn
         let softness = pick.variant.softness.unwrap_or(work.softness);
         work.pick(pick);
         work.set_softness(softness);
+        fuller_shapes(work, settings);
         absorb_chain(work, band);
     }
     last

@@ -7,8 +7,8 @@ use crate::motion::Motion;
 use crate::settings::BLOCKS;
 use crate::verdict::Use;
 
-/// How far the joint gives before it slides, coulomb over stiffness, to try: shares of the travel.
-const SHARES: [f64; 4] = [0.003, 0.006, 0.012, 0.025];
+/// How far the joint gives before it slides, coulomb over stiffness, to try: shares of the travel, a third apart.
+const SHARES: [f64; 8] = [0.003, 0.004, 0.0053, 0.0071, 0.0095, 0.0127, 0.0169, 0.0225];
 
 /// See the catalogue entry of the same name.
 pub(super) struct Effect;
