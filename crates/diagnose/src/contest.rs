@@ -278,8 +278,9 @@ fn objection(s: &Score, settings: &Settings, threshold: f64, (needed, n_folds): 
         let (gain, floor) = (100.0 * s.gain, 100.0 * settings.floor);
         return format!("would take away {gain:.1} % of the squared error, less than the {floor:.0} % worth naming");
     }
-    if s.size <= settings.tolerance {
-        let (size, least) = (100.0 * s.size, 100.0 * settings.tolerance);
+    let tolerance = settings.tolerance_of(s.variant.n_own);
+    if s.size <= tolerance {
+        let (size, least) = (100.0 * s.size, 100.0 * tolerance);
         return format!("its size is {size:.2} % of the effort, less than the {least:.1} % worth naming");
     }
     if s.surprise <= threshold {
