@@ -143,6 +143,8 @@ struct Stage {
     taken: f64,
     /// The same per block.
     blocks: Vec<f64>,
+    /// Columns of the removed picks with inverse prior variances.
+    removed: (Vec<ColumnId>, Vec<f64>),
 }
 
 fn stage(work: &Work, without: &[usize]) -> Stage {
@@ -168,10 +170,22 @@ fn stage(work: &Work, without: &[usize]) -> Stage {
     } else {
         screen::gains(&work.gram, &cross, &base, &own, &own_prior, &[]).all.iter().map(|f| f[0]).collect()
     };
-    Stage { cross, base, columns, prior, taken: blocks.iter().sum(), blocks }
+    Stage { cross, base, columns, prior, taken: blocks.iter().sum(), blocks, removed: (own, own_prior) }
 }
 
 impl Stage {
+    /// Share of what the removed picks take away that other columns make superfluous: what both explain. A rival that takes away as much
+    /// of something else is no rival.
+    fn in_common(&self, work: &Work, own: &[ColumnId], prior: &[f64], share: f64) -> f64 {
+        let (mut ids, mut priors) = (own.to_vec(), prior.to_vec());
+        for (id, p) in self.removed.0.iter().zip(&self.removed.1).filter(|(id, _)| !own.contains(id)) {
+            ids.push(*id);
+            priors.push(*p);
+        }
+        let both: f64 = screen::gains(&work.gram, &self.cross, &self.base, &ids, &priors, &[]).all.iter().map(|f| f[0]).sum();
+        1.0 + share - both / self.taken.max(f64::MIN_POSITIVE)
+    }
+
     /// Share of what the removed picks take away that other columns take away, and whether they are clearly beaten.
     fn compare(&self, gains: &[Vec<f64>]) -> (f64, bool) {
         let lead: Vec<f64> = self.blocks.iter().zip(gains).map(|(own, other)| own - other[0]).collect();
@@ -205,7 +219,10 @@ fn rivals(work: &Work, without: &[usize]) -> Vec<Rival> {
             if own.is_empty() || contains {
                 continue;
             }
-            let (share, is_beaten) = s.compare(&screen::gains(&work.gram, &s.cross, &s.base, &own, &prior, &[]).all);
+            let (mut share, is_beaten) = s.compare(&screen::gains(&work.gram, &s.cross, &s.base, &own, &prior, &[]).all);
+            if share >= LOOK_ALIKE_SHARE {
+                share = share.min(s.in_common(work, &own, &prior, share));
+            }
             trials.push((share, is_beaten, v));
         }
         trials.sort_by(|a, b| b.0.total_cmp(&a.0));

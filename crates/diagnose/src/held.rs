@@ -26,7 +26,8 @@ pub(crate) struct Held {
 pub(crate) fn ends(model: &Model) -> Vec<usize> {
     let massive = model.massive_links();
     let body = |l: usize| model.links[l].body;
-    let carries = |l: usize| massive.iter().any(|&m| m != l && body(m).is_some_and(|b| body(l).is_some_and(|own| is_behind(model, b, own))));
+    let carries =
+        |l: usize| massive.iter().any(|&m| m != l && body(m).is_some_and(|b| body(l).is_some_and(|own| is_behind(model, b, own))));
     massive.iter().copied().filter(|&l| !carries(l)).collect()
 }
 

@@ -186,7 +186,8 @@ fn keep_damping_nominal(work: &Work, out: &mut Refined) {
                 (e.values[2], e.values[3], total) = (e.values[2] - common, e.values[3] - common, total + common);
             }
         }
-        let found = work.picks.iter().map(|p| &work.candidates[p.candidate]).any(|c| c.effect_name() == "friction_thermal" && c.place == place);
+        let found =
+            work.picks.iter().map(|p| &work.candidates[p.candidate]).any(|c| c.effect_name() == "friction_thermal" && c.place == place);
         let stated = out.effects.iter_mut().filter(|e| is_warming(e) && e.is_at_joint(place));
         // A rate of the robot's file was a share of the old damping; a found one is one of the new.
         let n = stated.count() - usize::from(found);

@@ -45,7 +45,6 @@ pub(crate) fn search(work: &mut Work, band: f64, settings: &Settings, progress: 
 pub(crate) fn prune(work: &mut Work, band: f64, settings: &Settings) {
     for _ in 0..2 * (MAX_SHIFTS + MAX_STRUCTURAL) {
         let Some(worst) = superfluous(work, settings) else { return };
-        if std::env::var_os("TRACE").is_some() { eprintln!("prune {}", work.candidates[work.picks[worst].candidate].effect_name()); }//TRACE
         drop_pick(work, worst, band);
     }
 }
@@ -178,12 +177,10 @@ fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn
             .collect();
         let mut now = contest(work, &pool, &grounds, &left, settings);
         let pick = decide(work, &mut now, &grounds, settings);
-        trace(work, &now, &pick, "structure");//TRACE
-        if std::env::var_os("TRACE").is_some() && pick.as_ref().is_some_and(|p| !holds(work, p, &grounds)) { eprintln!("REFUSED"); }//TRACE
         progress(0.4 + 0.4 * (step + 1) as f64 / (MAX_STRUCTURAL + 1) as f64);
         last = Some(now);
         let Some(pick) = pick.filter(|_| step < MAX_STRUCTURAL) else { break };
-        if !holds(work, &pick, &grounds) {
+        if !holds(work, &pick, &grounds, settings) {
             refused.push(pick.candidate);
             continue;
         }
@@ -197,16 +194,20 @@ fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn
     last
 }
 
-/// Whether structure found on the fitted rows helps on the held-out ones too, on top of what was there before it. Several small wrong
+/// Whether structure found on the fitted rows is worth a name on the held-out ones too, on top of what was there before it. Several small wrong
 /// ones, each needed to mend the others, would all pass a test against the rest of them.
-fn holds(work: &Work, pick: &Pick, grounds: &[Ground]) -> bool {
+fn holds(work: &Work, pick: &Pick, grounds: &[Ground], settings: &Settings) -> bool {
     let softness = pick.variant.softness.unwrap_or(work.softness);
     let Some(ground) = grounds.iter().find(|g| g.softness == softness) else { return true };
     let cross = work.gram.cross(&work.design, &work.real_targets(&[softness]));
     let base = Base::held_out(&work.gram, &cross, &ground.columns, &ground.prior);
     let (own, prior) = crate::contest::own_columns(work, &pick.variant, &ground.columns);
     let scope = &work.candidates[pick.candidate].scope;
-    own.is_empty() || screen::gains(&work.gram, &cross, &base, &own, &prior, scope).scope[0][0] > 0.0
+    if own.is_empty() {
+        return true;
+    }
+    let taken = screen::gains(&work.gram, &cross, &base, &own, &prior, scope).scope[0][0];
+    taken > settings.floor_of(pick.variant.n_own) * base.over(scope, 0)
 }
 
 fn is_picked(work: &Work, candidate: usize) -> bool {
@@ -398,7 +399,6 @@ fn shifts(work: &mut Work, settings: &Settings) -> Option<Contest> {
             .collect();
         let mut now = contest(work, &pool, &ground, &left, settings);
         let pick = decide(work, &mut now, &ground, settings);
-        trace(work, &now, &pick, "shifts");//TRACE
         last = Some(now);
         let Some(pick) = pick.filter(|_| step < MAX_SHIFTS) else { break };
         work.pick(pick);
@@ -412,11 +412,3 @@ fn repeats_pick(work: &Work, candidate: usize) -> bool {
     let (picked, _) = work.picked(None);
     work.candidates[candidate].variants.iter().all(|v| v.columns.iter().all(|id| picked.contains(id)))
 }
-
-fn trace(work: &Work, c: &Contest, p: &Option<Pick>, what: &str) { //TRACE
-    if std::env::var_os("TRACE").is_none() { return; } //TRACE
-    eprintln!("--- {what}: pick {:?} kappa {} soft {}", p.as_ref().map(|p| (work.candidates[p.candidate].effect_name(), work.candidates[p.candidate].name.clone(), p.variant.values.clone())), work.kappa, work.softness); //TRACE
-    for s in c.scores.iter().take(9) { //TRACE
-        eprintln!("    {}@{} {:?} n={} taken {:.4} gain {:.4} size {:.4} surprise {:.2} wins {} {}", work.candidates[s.candidate].effect_name(), work.candidates[s.candidate].name, s.variant.values, s.variant.columns.len(), s.taken, s.gain, s.size, s.surprise, s.wins, s.why_not); //TRACE
-    } //TRACE
-} //TRACE

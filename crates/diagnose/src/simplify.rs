@@ -26,7 +26,8 @@ pub(crate) fn fuller_shapes(work: &mut Work, settings: &Settings) {
             for v in shapes.iter().filter(|v| v.n_own > old.variant.n_own && v.columns.len() == v.n_own && is_open(v.softness)) {
                 work.picks[i] = Pick { variant: v.clone(), ..old.clone() };
                 let error = picked_error_beside_ordinary(work, &scope);
-                let pays = now - error > settings.floor * now && work.of_effort(now - error, &scope) > settings.tolerance_of(v.n_own - old.variant.n_own);
+                let pays = now - error > settings.floor * now
+                    && work.of_effort(now - error, &scope) > settings.tolerance_of(v.n_own - old.variant.n_own);
                 // Of those that do practically as well, the first has the fewest coefficients.
                 if pays && best.as_ref().is_none_or(|(e, _)| error < AS_GOOD * e) && is_possible(work, i) {
                     best = Some((error, work.picks[i].clone()));

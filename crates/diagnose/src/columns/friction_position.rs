@@ -51,7 +51,9 @@ impl Columns for Effect {
         }
         let per = |p: usize| view.own.get(p - 1).copied().unwrap_or(0.0) / power(half, p);
         let mut out = vec![("coulomb_slope", per(1)), ("q0", middle)];
-        out.extend([("coulomb_quadratic", 2), ("coulomb_cubic", 3)].into_iter().filter(|(_, p)| *p <= view.own.len()).map(|(n, p)| (n, per(p))));
+        out.extend(
+            [("coulomb_quadratic", 2), ("coulomb_cubic", 3)].into_iter().filter(|(_, p)| *p <= view.own.len()).map(|(n, p)| (n, per(p))),
+        );
         Ok(out)
     }
 }

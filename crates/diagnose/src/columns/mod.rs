@@ -261,7 +261,11 @@ pub(crate) fn pair(drives: [usize; 2], f: impl Fn(&Motion, [usize; 2], usize) ->
 }
 
 /// The effort of all drives under a wrench on a link; `f` gives its component `c` (force first) at a sample, for the components `axes`.
-pub(crate) fn on_held(link: usize, axes: core::ops::Range<usize>, f: impl Fn(&Held, usize, usize) -> f64 + Send + Sync + 'static) -> Source {
+pub(crate) fn on_held(
+    link: usize,
+    axes: core::ops::Range<usize>,
+    f: impl Fn(&Held, usize, usize) -> f64 + Send + Sync + 'static,
+) -> Source {
     global(move |m| {
         let (n, drives) = (m.segment.valid.len(), m.rigid.len());
         let Some(held) = m.held.iter().find(|h| h.link == link) else { return vec![vec![0.0; n]; drives] };

@@ -1,10 +1,10 @@
 //! A slider along a sine, and the laws of the catalogue on it: what columns are compared with.
 
 use pkm_dyn::effects::{JointState, Law, LinkState, Robot, find};
+use pkm_dyn::math;
 use pkm_dyn::model::{JointKind, Model, ModelBuilder};
 use pkm_dyn::parameters::InertialParameters;
 use pkm_dyn::spatial::Pose;
-use pkm_dyn::math;
 
 use super::{Columns, Context, Shape, Source, View};
 use crate::design::{Chain, Series};
