@@ -36,6 +36,8 @@ mod segment;
 mod settings;
 mod simplify;
 mod solve;
+#[cfg(test)]
+mod testing;
 pub mod verdict;
 mod work;
 

@@ -83,8 +83,8 @@ fn in_powers(own: &[f64], middle: f64, half: f64) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{Bench, series, view};
     use super::*;
+    use crate::testing::{Bench, series, view};
 
     #[test]
     fn chebyshev_of_a_cosine_is_the_cosine_of_the_multiple() {

@@ -84,8 +84,8 @@ fn at_link(motions: &[Motion], link: usize) -> Vec<Shape> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{Bench, all_series, series, view};
     use super::*;
+    use crate::testing::{Bench, all_series, series, view};
 
     #[test]
     fn columns_are_the_law_at_unit_stiffness() {

@@ -48,8 +48,8 @@ impl Columns for Effect {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{Bench, series, view};
     use super::*;
+    use crate::testing::{Bench, series, view};
 
     #[test]
     fn columns_are_the_law_at_its_reading() {

@@ -70,8 +70,8 @@ fn lowest(own: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{Bench, view};
     use super::*;
+    use crate::testing::{Bench, view};
 
     #[test]
     fn columns_are_the_law_at_its_reading() {

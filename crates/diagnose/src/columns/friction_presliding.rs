@@ -85,8 +85,8 @@ fn reversals(m: &Motion, k: usize, least: f64) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{Bench, view};
     use super::*;
+    use crate::testing::{Bench, view};
 
     #[test]
     fn the_loop_is_dahl_s_closed_form_in_both_directions() {

@@ -52,8 +52,8 @@ impl Columns for Effect {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{Bench, view};
     use super::*;
+    use crate::testing::{Bench, view};
 
     #[test]
     fn columns_are_the_law_at_unit_drag() {

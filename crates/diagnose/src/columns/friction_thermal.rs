@@ -65,8 +65,8 @@ fn repeats_itself(m: &Motion, k: usize) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{Bench, view};
     use super::*;
+    use crate::testing::{Bench, view};
 
     #[test]
     fn the_column_is_the_law_at_unit_rate() {

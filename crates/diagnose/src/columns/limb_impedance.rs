@@ -81,8 +81,8 @@ fn shapes(link: usize) -> Vec<Shape> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{Bench, all_series, view};
     use super::*;
+    use crate::testing::{Bench, all_series, view};
 
     #[test]
     fn on_a_slider_it_is_a_spring_and_a_damper_at_the_drive() {

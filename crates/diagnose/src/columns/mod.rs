@@ -22,8 +22,6 @@ mod limb_impedance;
 mod payload;
 mod rotor_inertia;
 mod spring;
-#[cfg(test)]
-mod testing;
 mod time_delay;
 mod torque_constant;
 mod torque_offset;

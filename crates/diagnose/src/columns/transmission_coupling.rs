@@ -72,8 +72,8 @@ fn shapes(ctx: &Context, drives: [usize; 2]) -> Vec<Shape> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{Bench, view};
     use super::*;
+    use crate::testing::{Bench, view};
 
     #[test]
     fn both_joints_feel_the_sum() {

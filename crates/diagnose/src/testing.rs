@@ -6,15 +6,15 @@ use pkm_dyn::model::{JointKind, Model, ModelBuilder};
 use pkm_dyn::parameters::InertialParameters;
 use pkm_dyn::spatial::Pose;
 
-use super::{Columns, Context, Shape, Source, View};
+use crate::columns::{Columns, Context, Shape, Source, View};
 use crate::design::{Chain, Series};
 use crate::motion::{Motion, motion, softness_widths, top_speed};
 use crate::segment::Segment;
 use crate::verdict::Use;
 
-pub(super) struct Bench {
-    pub(super) model: Model,
-    pub(super) motion: Motion,
+pub(crate) struct Bench {
+    pub(crate) model: Model,
+    pub(crate) motion: Motion,
 }
 
 /// Ten seconds at 500 Hz.
@@ -41,12 +41,12 @@ fn sliders(n: usize) -> Model {
 
 impl Bench {
     /// One slider along x: `amplitude·sin` at `hz`.
-    pub(super) fn sine(amplitude: f64, hz: f64) -> Self {
+    pub(crate) fn sine(amplitude: f64, hz: f64) -> Self {
         Self::new(&[[amplitude, hz]])
     }
 
     /// Two sliders in series, across each other.
-    pub(super) fn pair() -> Self {
+    pub(crate) fn pair() -> Self {
         Self::new(&[[0.2, 1.0], [0.1, 0.7]])
     }
 
@@ -77,7 +77,7 @@ impl Bench {
     }
 
     /// Shapes of the effect's candidate of that number; none when there is no such candidate.
-    pub(super) fn shapes(&self, effect: &dyn Columns, number: usize) -> Vec<Shape> {
+    pub(crate) fn shapes(&self, effect: &dyn Columns, number: usize) -> Vec<Shape> {
         let (m, n) = (&self.motion, self.model.n_act());
         let widths = softness_widths(&self.model, m);
         let top: Vec<f64> = (0..n).map(|k| top_speed(&m.segment.v[k])).collect();
@@ -98,19 +98,19 @@ impl Bench {
     }
 
     /// Parameters of an effect in the catalogue's order, from a reading.
-    pub(super) fn values(&self, effect: &str, reading: &[(&'static str, f64)]) -> Vec<f64> {
+    pub(crate) fn values(&self, effect: &str, reading: &[(&'static str, f64)]) -> Vec<f64> {
         let entry = find(effect).expect("an effect of the catalogue");
         let value = |name: &str| reading.iter().find(|(n, _)| *n == name).map(|(_, v)| *v);
         entry.parameters.iter().map(|p| value(p.name).or(p.default).expect("every parameter is read or has a default")).collect()
     }
 
     /// The catalogue's law at sample `i` of the first slider.
-    pub(super) fn effort(&self, effect: &str, values: &[f64], i: usize) -> f64 {
+    pub(crate) fn effort(&self, effect: &str, values: &[f64], i: usize) -> f64 {
         self.effort_beside(effect, values, 0.0, i)
     }
 
     /// The same beside nominal dry friction.
-    pub(super) fn effort_beside(&self, effect: &str, values: &[f64], coulomb: f64, i: usize) -> f64 {
+    pub(crate) fn effort_beside(&self, effect: &str, values: &[f64], coulomb: f64, i: usize) -> f64 {
         let Some(Law::JointEffort(law)) = find(effect).map(|e| e.law) else { panic!("{effect} is no effort of a joint") };
         let (s, time) = (&self.motion.segment, DT * i as f64);
         let viscous = self.model.joints[0].viscous;
@@ -120,7 +120,7 @@ impl Bench {
     }
 
     /// The catalogue's wrench law at the joint of the first slider.
-    pub(super) fn push_at_joint(&self, effect: &str, values: &[f64], i: usize) -> f64 {
+    pub(crate) fn push_at_joint(&self, effect: &str, values: &[f64], i: usize) -> f64 {
         let Some(Law::Wrench(law)) = find(effect).map(|e| e.law) else { panic!("{effect} is no wrench") };
         let s = &self.motion.segment;
         let mut state = LinkState { time: DT * i as f64, ..LinkState::default() };
@@ -129,18 +129,18 @@ impl Bench {
     }
 
     /// Largest rigid effort.
-    pub(super) fn load_peak(&self) -> f64 {
+    pub(crate) fn load_peak(&self) -> f64 {
         self.motion.rigid[0].iter().fold(0.0, |top, x| top.max(x.abs()))
     }
 
     /// Whether the first slider is fast enough for the direction of motion to be out of its smoothing.
-    pub(super) fn is_clear(&self, i: usize) -> bool {
+    pub(crate) fn is_clear(&self, i: usize) -> bool {
         let v = &self.motion.segment.v[0];
         v[i].abs() > 0.2 * top_speed(v)
     }
 
     /// The column is the law wherever the direction of motion is out of its smoothing, within a share of its peak.
-    pub(super) fn assert_column(&self, source: &Source, law: impl Fn(usize) -> f64, share: f64) {
+    pub(crate) fn assert_column(&self, source: &Source, law: impl Fn(usize) -> f64, share: f64) {
         let column = series(source, &self.motion);
         let peak = column.iter().fold(0.0_f64, |top, x| top.max(x.abs()));
         assert!(peak > 0.0, "the column is zero");
@@ -151,17 +151,17 @@ impl Bench {
 }
 
 /// All series of a new column.
-pub(super) fn all_series(source: &Source, motion: &Motion) -> Series {
+pub(crate) fn all_series(source: &Source, motion: &Motion) -> Series {
     let Source::New(make) = source else { panic!("a new column") };
     make(motion)
 }
 
 /// The series of a new column that acts on one drive.
-pub(super) fn series(source: &Source, motion: &Motion) -> Vec<f64> {
+pub(crate) fn series(source: &Source, motion: &Motion) -> Vec<f64> {
     all_series(source, motion).swap_remove(0).1
 }
 
 /// A fit at the first joint.
-pub(super) fn view<'v>(model: &'v Model, own: &'v [f64], shape: &'v [f64]) -> View<'v> {
+pub(crate) fn view<'v>(model: &'v Model, own: &'v [f64], shape: &'v [f64]) -> View<'v> {
     View { model, own, shape, place: 0, coulomb_change: 0.0, viscous_change: 0.0, chain: Chain::default() }
 }
