@@ -153,3 +153,108 @@ fn the_refined_robot_explains_a_motion_it_was_not_fitted_on() {
     };
     assert!(error(&better) < 0.2 * error(&nominal), "{} of {}", error(&better), error(&nominal));
 }
+
+/// Effects at a joint, at a pair or on a link, with numbers about twice what the recording could just show.
+fn stated(robot: &Description, effect: &str, place: &str, numbers: &[(&str, f64)]) -> Applied {
+    let numbers: Vec<(String, f64)> = numbers.iter().map(|(name, value)| (name.to_string(), *value)).collect();
+    Applied::try_new(&robot.bare, effect, place, &numbers).expect("a valid effect")
+}
+
+/// Whether the estimate is the hidden number within a share of it.
+fn assert_sized(d: &Diagnosis, hidden: &Applied, name: &str, share: f64) {
+    let p = hidden.entry.parameters.iter().position(|p| p.name == name).expect("a parameter of the effect");
+    let (e, truth) = (estimate(d, hidden.entry.name, name), hidden.values[p]);
+    assert!((e.value / truth - 1.0).abs() < share, "{} {name}: {e:?} instead of {truth}", hidden.entry.name);
+}
+
+#[test]
+fn forces_of_a_slider_are_named_and_sized() {
+    let nominal = shipped("prs3");
+    let cases: [(&str, &[(&str, f64)], &str, f64); 2] = [
+        ("friction_presliding", &[("stiffness", 8500.0), ("coulomb", 14.0)], "coulomb", 0.1),
+        ("friction_thermal", &[("rate", -0.03)], "rate", 0.05),
+    ];
+    for (effect, numbers, name, share) in cases {
+        let hidden = stated(&nominal, effect, "q8", numbers);
+        let d = trial(&nominal, core::slice::from_ref(&hidden), 7);
+        assert_eq!(outcome(&d, &hidden, &nominal), Outcome::First, "{}", d.verdict.says);
+        assert_sized(&d, &hidden, name, share);
+    }
+}
+
+#[test]
+fn a_part_that_turns_with_two_joints_is_named_at_both() {
+    let nominal = shipped("serial_arm");
+    let numbers = [("inertia", 0.32), ("coulomb", 2.4), ("viscous", 1.3)];
+    let hidden = stated(&nominal, "transmission_coupling", "j2,j3", &numbers);
+    let d = trial(&nominal, core::slice::from_ref(&hidden), 1);
+    assert_eq!(outcome(&d, &hidden, &nominal), Outcome::First, "{}", d.verdict.says);
+    assert_eq!(d.verdict.findings[0].place, ["j2", "j3"]);
+    for (name, _) in numbers {
+        assert_sized(&d, &hidden, name, 0.05);
+    }
+}
+
+/// Effects of forces: drawn on both robots in the long tier.
+const FORCES: [&str; 9] = [
+    "friction_quadratic",
+    "friction_position",
+    "friction_thermal",
+    "directional_efficiency",
+    "friction_presliding",
+    "cable_force",
+    "transmission_coupling",
+    "limb_impedance",
+    "contact",
+];
+
+#[test]
+fn forces_are_found_on_two_robots() {
+    if !is_long() {
+        return;
+    }
+    let mut cases = sweep("prs3", &FORCES, 1..=4);
+    cases.extend(sweep("serial_arm", &FORCES, 1..=4));
+    let lines: Vec<&str> = cases.iter().map(|(line, _)| line.as_str()).collect();
+    let named = cases.iter().filter(|(_, o)| *o <= Outcome::Alias).count();
+    pkm_tests::results_table(
+        "hidden_forces",
+        &format!("{HEAD}{}\n\nnamed or in the alias set: {named} of {}\n", lines.join("\n"), cases.len()),
+    );
+    // A contact is drawn at the end of one motion's range, and another motion need not reach it.
+    assert!(named >= cases.len() * 17 / 20, "{named} of {}:\n{}", cases.len(), lines.join("\n"));
+}
+
+#[test]
+fn the_refined_robot_runs_with_forces_in_it_and_explains_a_fresh_motion() {
+    let nominal = shipped("prs3");
+    let hidden = [
+        stated(&nominal, "friction_position", "q6", &[("coulomb_slope", -117.0), ("q0", 0.15), ("coulomb", 14.0)]),
+        stated(&nominal, "limb_impedance", "platform", &[("stiffness", 700.0), ("damping", 40.0)]),
+    ];
+    let d = trial(&nominal, &hidden, 2);
+    for h in &hidden {
+        assert!(outcome(&d, h, &nominal) <= Outcome::Named, "{}", d.verdict.says);
+    }
+    let [toml, urdf] = d.refined.as_ref().expect("a refined robot").texts(&nominal, "refined.urdf").expect("it can be written");
+    let better = parse(&toml, &urdf, ["refined.toml", "refined.urdf"]).expect("it can be read");
+    let fresh = |robot: &Robot| {
+        let scenario = Scenario { seed: 999, ..Scenario::default() };
+        pkm_sim::run(robot, &nominal.robot, &scenario, &mut |_| {}).expect("it runs")
+    };
+    let truth = fresh(&Robot::new(nominal.bare.clone(), hidden.to_vec()));
+    // The refined robot itself can be simulated, and its equations explain the truth's efforts.
+    assert_eq!(fresh(&better.robot).len(), truth.len());
+    let error = |robot: &Description| {
+        let effort = pkm_diagnose::predict(robot, &truth).expect("it fits");
+        let of = |q: &str| {
+            truth.signal(&format!("tau.{q}")).expect("recorded").iter().zip(&effort[q]).map(|(m, e)| (m - e) * (m - e)).sum::<f64>()
+        };
+        ["q1", "q6", "q8"].map(of).iter().sum::<f64>()
+    };
+    // No model explains the fresh motion better than the truth itself, noise and standstill being what they are.
+    let mut known = nominal.clone();
+    known.robot = Robot::new(nominal.bare.clone(), hidden.to_vec());
+    assert!(error(&better) < 1.1 * error(&known), "{} instead of {}", error(&better), error(&known));
+    assert!(error(&known) < 0.2 * error(&nominal), "{} of {}", error(&known), error(&nominal));
+}

@@ -67,7 +67,7 @@ pub(crate) fn alternatives(work: &Work, index: usize) -> (Vec<EffectAt>, Vec<Loo
         } else {
             format!("in its place it explains less than {:.0} % of what {own_name} explains", 100.0 * LOOK_ALIKE_SHARE)
         };
-        let place = vec![work.candidates[tried].name.clone()];
+        let place = work.candidates[tried].places(&work.robot.model);
         rejected.push(LookAlike { effect: l.effect.to_string(), place, why_not, separating_experiment: l.experiment.to_string() });
     }
     (same, rejected)
@@ -98,7 +98,7 @@ pub(crate) fn chain_rivals(work: &mut Work, band: f64) -> Vec<(usize, EffectAt)>
             if share >= ALIAS_SHARE && is_possible(work, work.picks.len() - 1) {
                 let (effect, c) = (work.candidates[candidate].effect_name(), &work.candidates[own]);
                 let separating_experiment = experiment(c.effect_name(), effect);
-                out.push((i, EffectAt { effect: effect.to_string(), place: vec![c.name.clone()], separating_experiment }));
+                out.push((i, EffectAt { effect: effect.to_string(), place: c.places(&work.robot.model), separating_experiment }));
             }
         }
         work.picks.clone_from(&picks);
@@ -111,7 +111,7 @@ pub(crate) fn chain_rivals(work: &mut Work, band: f64) -> Vec<(usize, EffectAt)>
 /// Whether a candidate sits where the pick does, or acts there at all when it is of another kind of place.
 fn is_at(work: &Work, c: &Candidate, pick: usize) -> bool {
     let own = &work.candidates[work.picks[pick].candidate];
-    if c.effect.entry().place == own.effect.entry().place { c.place == own.place } else { own.scope.iter().any(|j| c.scope.contains(j)) }
+    if c.effect.entry().place == own.effect.entry().place { c.is_where(own) } else { own.scope.iter().any(|j| c.scope.contains(j)) }
 }
 
 fn name(work: &Work, pick: usize) -> &'static str {
@@ -143,6 +143,8 @@ struct Stage {
     taken: f64,
     /// The same per block.
     blocks: Vec<f64>,
+    /// Columns of the removed picks with inverse prior variances.
+    removed: (Vec<ColumnId>, Vec<f64>),
 }
 
 fn stage(work: &Work, without: &[usize]) -> Stage {
@@ -168,10 +170,22 @@ fn stage(work: &Work, without: &[usize]) -> Stage {
     } else {
         screen::gains(&work.gram, &cross, &base, &own, &own_prior, &[]).all.iter().map(|f| f[0]).collect()
     };
-    Stage { cross, base, columns, prior, taken: blocks.iter().sum(), blocks }
+    Stage { cross, base, columns, prior, taken: blocks.iter().sum(), blocks, removed: (own, own_prior) }
 }
 
 impl Stage {
+    /// Share of what the removed picks take away that other columns make superfluous: what both explain. A rival that takes away as much
+    /// of something else is no rival.
+    fn in_common(&self, work: &Work, own: &[ColumnId], prior: &[f64], share: f64) -> f64 {
+        let (mut ids, mut priors) = (own.to_vec(), prior.to_vec());
+        for (id, p) in self.removed.0.iter().zip(&self.removed.1).filter(|(id, _)| !own.contains(id)) {
+            ids.push(*id);
+            priors.push(*p);
+        }
+        let both: f64 = screen::gains(&work.gram, &self.cross, &self.base, &ids, &priors, &[]).all.iter().map(|f| f[0]).sum();
+        1.0 + share - both / self.taken.max(f64::MIN_POSITIVE)
+    }
+
     /// Share of what the removed picks take away that other columns take away, and whether they are clearly beaten.
     fn compare(&self, gains: &[Vec<f64>]) -> (f64, bool) {
         let lead: Vec<f64> = self.blocks.iter().zip(gains).map(|(own, other)| own - other[0]).collect();
@@ -205,14 +219,17 @@ fn rivals(work: &Work, without: &[usize]) -> Vec<Rival> {
             if own.is_empty() || contains {
                 continue;
             }
-            let (share, is_beaten) = s.compare(&screen::gains(&work.gram, &s.cross, &s.base, &own, &prior, &[]).all);
+            let (mut share, is_beaten) = s.compare(&screen::gains(&work.gram, &s.cross, &s.base, &own, &prior, &[]).all);
+            if share >= LOOK_ALIKE_SHARE {
+                share = share.min(s.in_common(work, &own, &prior, share));
+            }
             trials.push((share, is_beaten, v));
         }
         trials.sort_by(|a, b| b.0.total_cmp(&a.0));
         // The best shape that is possible speaks for the candidate; the best of all where none is.
         let rival = |&(share, is_beaten, v): &(f64, bool, &Variant)| {
             let veto = veto(work, &s, c, v);
-            Rival { effect: candidate.effect_name(), place: vec![candidate.name.clone()], share, is_beaten, veto }
+            Rival { effect: candidate.effect_name(), place: candidate.places(&work.robot.model), share, is_beaten, veto }
         };
         let worth: Vec<Rival> = trials.iter().take_while(|t| t.0 >= LOOK_ALIKE_SHARE).take(MAX_SHAPES).map(rival).collect();
         let best = worth.iter().find(|r| r.veto.is_empty()).or(worth.first()).cloned();
@@ -227,8 +244,15 @@ const MAX_SHAPES: usize = 4;
 /// Whether a candidate's law contains the pick's at the same joint: a friction peak rides on dry friction and is no rival of it.
 fn is_wider_law(work: &Work, candidate: usize, pick: usize) -> bool {
     let (c, p) = (&work.candidates[candidate], &work.candidates[work.picks[pick].candidate]);
-    let wider = matches!(c.effect_name(), "friction_stribeck" | "friction_asymmetric");
-    c.place == p.place && wider && matches!(p.effect_name(), "friction_coulomb" | "friction_viscous")
+    let contained: &[&str] = match c.effect_name() {
+        // Drag with the exponent 0 is dry friction, with 1 damping.
+        "friction_stribeck" | "friction_asymmetric" | "friction_quadratic" => &["friction_coulomb", "friction_viscous"],
+        // A joint that gives by nothing before it slides has dry friction.
+        "friction_position" | "friction_presliding" => &["friction_coulomb"],
+        "cable_force" => &["spring"],
+        _ => &[],
+    };
+    c.is_where(p) && contained.contains(&p.effect_name())
 }
 
 fn veto(work: &Work, s: &Stage, candidate: usize, v: &Variant) -> String {

@@ -120,7 +120,7 @@ fn finish(work: &Work) -> Final {
 }
 
 /// Parameters that are chosen from a list of shapes.
-const TRIED: [&str; 2] = ["stribeck_velocity", "order"];
+const TRIED: [&str; 4] = ["stribeck_velocity", "order", "exponent", "position"];
 
 /// Interval of a value that was chosen from a list and not fitted: halfway to the neighbours that were tried and did worse.
 fn tried_interval(work: &Work, pick: usize, value: f64) -> Option<[f64; 2]> {
@@ -186,7 +186,7 @@ fn finding(work: &Work, fin: &Final, steps: &[Step], (r, pick): (usize, usize), 
     Finding {
         rank: r + 1,
         effect: c.effect_name().to_string(),
-        place: vec![c.name.clone()],
+        place: c.places(&work.robot.model),
         regime,
         when,
         confidence: confidence(work, p.wins, p_value, fin.motions),
@@ -254,7 +254,7 @@ fn evidence(work: &Work, fin: &Final, (nominal, steps, found): (&Left, &[Step], 
                 || "as given".to_string(),
                 |p| {
                     let c = &work.candidates[work.picks[p].candidate];
-                    format!("{} at {}", c.effect_name(), c.name)
+                    format!("{} at {}", c.effect_name(), c.places(&work.robot.model).join(", "))
                 },
             );
             ChainStep { label, heldout_rms: s.heldout }
@@ -266,20 +266,15 @@ fn evidence(work: &Work, fin: &Final, (nominal, steps, found): (&Left, &[Step], 
     for s in found.last.iter().flat_map(|c| &c.scores) {
         let c = &work.candidates[s.candidate];
         let is_named = work.picks.iter().any(|p| p.candidate == s.candidate);
-        let is_said = ruled_out.iter().any(|r| r.effect == c.effect_name() && r.place == [c.name.clone()]);
+        let place = c.places(&work.robot.model);
+        let is_said = ruled_out.iter().any(|r| r.effect == c.effect_name() && r.place == place);
         if is_named || is_said {
             continue;
         }
         let why_not = if s.why_not.is_empty() { "did not hold on held-out data".to_string() } else { s.why_not.clone() };
         let wins = [s.wins, work.design.n_folds];
-        ruled_out.push(Screened {
-            effect: c.effect_name().to_string(),
-            place: vec![c.name.clone()],
-            gain: s.gain,
-            surprise: s.surprise,
-            wins,
-            why_not,
-        });
+        let (effect, gain, surprise) = (c.effect_name().to_string(), s.gain, s.surprise);
+        ruled_out.push(Screened { effect, place, gain, surprise, wins, why_not });
     }
     ruled_out.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let threshold = |level: f64| found.last.last().map_or(0.0, |c| c.threshold(level));

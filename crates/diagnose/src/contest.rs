@@ -32,7 +32,7 @@ pub(crate) struct Score {
     pub(crate) gain: f64,
     /// Its size as a share of the effort of those joints.
     pub(crate) size: f64,
-    /// That gain in standard deviations of what it gains in null runs, above their mean.
+    /// Logarithm of the ratio of errors without and with it, in standard deviations of the same in null runs, above their mean.
     pub(crate) surprise: f64,
     /// Folds in which it helped.
     pub(crate) wins: usize,
@@ -96,14 +96,23 @@ pub(crate) fn contest(work: &Work, pool: &[usize], grounds: &[Ground], null_left
     let mut scores = Vec::new();
     for (mut score, gains) in judged {
         // Joints differ in how much chance can do there: each candidate is judged in units of its own null runs.
+        let gains: Vec<f64> = gains.into_iter().map(log_ratio).collect();
         let (mean, sd) = mean_and_sd(&gains);
         null.iter_mut().zip(&gains).for_each(|(n, g)| *n = n.max((g - mean) / sd));
-        score.surprise = (score.gain - mean) / sd;
+        score.surprise = (log_ratio(score.gain) - mean) / sd;
         scores.push(score);
     }
     null.sort_by(f64::total_cmp);
     scores.sort_by(|a, b| b.taken.total_cmp(&a.taken));
     Contest { scores, null }
+}
+
+/// Logarithm of error without over error with a candidate that takes away a share `gain` of it.
+///
+/// A share ends at one. Where what is left is slow, chance alone takes away half of it now and then, and the whole of it would be no
+/// surprise; the ratio of errors has no such end.
+fn log_ratio(gain: f64) -> f64 {
+    -pkm_dyn::math::ln((1.0 - gain).max(1e-12))
 }
 
 /// Mean and standard deviation, the latter never so small that rounding counts as surprise.
@@ -201,7 +210,7 @@ impl Score {
         }
         let t = self.others.remove(0);
         // Surprise is in units of the same null runs, so it shrinks with the gain.
-        self.surprise *= (t.gain / self.gain).clamp(0.0, 1.0);
+        self.surprise *= (log_ratio(t.gain) / log_ratio(self.gain)).clamp(0.0, 1.0);
         (self.variant, self.ground, self.taken) = (t.variant, t.ground, t.taken);
         (self.gain, self.size, self.wins) = (t.gain, t.size, t.wins);
         true
@@ -269,8 +278,9 @@ fn objection(s: &Score, settings: &Settings, threshold: f64, (needed, n_folds): 
         let (gain, floor) = (100.0 * s.gain, 100.0 * settings.floor);
         return format!("would take away {gain:.1} % of the squared error, less than the {floor:.0} % worth naming");
     }
-    if s.size <= settings.tolerance {
-        let (size, least) = (100.0 * s.size, 100.0 * settings.tolerance);
+    let tolerance = settings.tolerance_of(s.variant.n_own);
+    if s.size <= tolerance {
+        let (size, least) = (100.0 * s.size, 100.0 * tolerance);
         return format!("its size is {size:.2} % of the effort, less than the {least:.1} % worth naming");
     }
     if s.surprise <= threshold {

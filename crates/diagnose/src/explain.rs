@@ -10,7 +10,7 @@ use alloc::collections::BTreeMap;
 /// Joint kind that decides a candidate's units.
 pub(crate) fn kind(work: &Work, pick: usize) -> JointKind {
     let c = &work.candidates[work.picks[pick].candidate];
-    match c.effect.entry().place.site() {
+    match c.site {
         Site::Joint => work.robot.model.joints[c.place].kind,
         _ => JointKind::Prismatic,
     }
@@ -64,9 +64,9 @@ pub(crate) fn sentence(
     let sizes = values(parameters, &order).join(", ");
     let place = match entry.place {
         PlaceKind::RootLink => format!("At the mounting ({})", c.name),
-        PlaceKind::Link => format!("On link {}", c.name),
+        _ if c.site == Site::Link => format!("On link {}", c.name),
         PlaceKind::PassiveJoint => format!("At passive joint {}", c.name),
-        _ => format!("At {}", c.name),
+        _ => format!("At {}", c.places(&work.robot.model).join(" and ")),
     };
     let mut out = format!("{place}, {}: {sizes}.", entry.sentence);
     let (b, a) = (100.0 * before, 100.0 * after);

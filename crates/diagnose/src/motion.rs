@@ -1,12 +1,14 @@
 //! One pass over a segment through the robot's equations: everything candidate columns are made of.
 
-use pkm_dyn::effects::{JointState, Law, Robot};
+use pkm_dyn::effects::Robot;
 use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, rigid_effort};
 use pkm_dyn::loops;
 use pkm_dyn::parameters::{InertialParameters, N_INERTIAL};
 use pkm_dyn::{Data, Model, math};
 
 use crate::error::InputError;
+use crate::held::{Held, followed};
+use crate::nominal::nominal;
 use crate::segment::Segment;
 use crate::settings::SOFTNESS;
 
@@ -37,6 +39,10 @@ pub(crate) struct Motion {
     pub(crate) offset: Vec<Vec<Vec<f64>>>,
     /// Passive joints, in the order of `Data::passive`.
     pub(crate) passive: Vec<Passive>,
+    /// Their numbers in the tree.
+    pub(crate) dependent: Vec<usize>,
+    /// Links that may be held or pushed.
+    pub(crate) held: Vec<Held>,
     /// Effort of the model as given, per softness: [softness][drive][sample].
     pub(crate) nominal: Vec<Vec<Vec<f64>>>,
 }
@@ -61,8 +67,7 @@ const OFFSET_STEP: f64 = 1e-5;
 /// A series that stays below this share of the largest of its unit is rounding: efforts that matter are nine digits above it.
 const ROUNDING: f64 = 1e-12;
 
-struct Pass<'r> {
-    robot: &'r Robot,
+struct Pass {
     model: Model,
     data: Data,
     links: Vec<usize>,
@@ -87,13 +92,16 @@ pub(crate) fn motion(robot: &Robot, segment: Segment) -> Result<Motion, InputErr
         tilt: [zeros(), zeros()],
         offset: vec![zeros(); na],
         passive,
-        nominal: vec![zeros(); SOFTNESS.len()],
+        dependent: data.dependent.clone(),
+        held: followed(robot).into_iter().map(|l| Held::new(l, na, n)).collect(),
+        nominal: Vec::new(),
         segment,
     };
-    let mut pass = Pass { robot, model, data, links, out };
+    let mut pass = Pass { model, data, links, out };
     pass.run()?;
-    pass.predict();
-    Ok(pass.out)
+    let mut out = pass.out;
+    out.nominal = nominal(robot, &out);
+    Ok(out)
 }
 
 fn apply_load(model: &mut Model, segment: &Segment) -> Result<(), InputError> {
@@ -113,7 +121,7 @@ fn nalgebra_zero() -> nalgebra::Matrix3<f64> {
     nalgebra::Matrix3::zeros()
 }
 
-impl Pass<'_> {
+impl Pass {
     fn run(&mut self) -> Result<(), InputError> {
         let (n, na) = (self.out.segment.valid.len(), self.model.n_act());
         let moments: Vec<_> = self
@@ -136,6 +144,9 @@ impl Pass<'_> {
             self.check(&closure, i)?;
             rigid_effort(&self.model, &mut self.data);
             self.store(i, &moments);
+            for held in &mut self.out.held {
+                held.store(&self.model, &mut self.data, i);
+            }
             self.tilt(i);
             self.offsets(i, &q, &v, &a)?;
         }
@@ -223,39 +234,6 @@ impl Pass<'_> {
             self.data.q.copy_from_slice(&home);
         }
         Ok(())
-    }
-
-    /// The model as given: rigid bodies, nominal friction, effects that the robot file already has, effort scale.
-    fn predict(&mut self) {
-        let widths = softness_widths(&self.robot.model, &self.out);
-        let n = self.out.segment.valid.len();
-        for (w, width) in widths.iter().enumerate() {
-            for (k, &j) in self.robot.model.actuators.iter().enumerate() {
-                let scale: f64 = self.robot.chain(j, |law| matches!(law, Law::EffortScale)).product();
-                for i in 0..n {
-                    let s = &self.out.segment;
-                    let time = s.dt * i as f64;
-                    let state = JointState {
-                        q: s.q[k][i],
-                        v: s.v[k][i],
-                        a: s.a[k][i],
-                        sign: soft_sign(s.v[k][i], width[j]),
-                        load: self.out.rigid[k][i],
-                        warmth: s.warmth[k].get(i).copied().unwrap_or(time),
-                        time,
-                        ..JointState::default()
-                    };
-                    let mut sum = self.out.rigid[k][i] + self.robot.joint_effort(j, &state);
-                    for (p, passive) in self.data.dependent.iter().zip(&self.out.passive) {
-                        let (q, v, a) = (passive.q[i], passive.v[i], passive.a[i]);
-                        let sign = soft_sign(v, width[*p]);
-                        let state = JointState { q, v, a, sign, warmth: time, time, ..JointState::default() };
-                        sum += passive.g[k][i] * self.robot.joint_effort(*p, &state);
-                    }
-                    self.out.nominal[w][k][i] = sum / scale;
-                }
-            }
-        }
     }
 }
 

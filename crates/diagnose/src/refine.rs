@@ -1,11 +1,11 @@
 //! The refined robot: what the files had, with every finding in it, each effect once per place.
 
 use pkm_dyn::Model;
-use pkm_dyn::effects::{Applied, Entry, Law, PlaceKind, Robot};
+use pkm_dyn::effects::{Applied, JointState, Law, Robot, Site};
 use pkm_dyn::parameters::{InertialParameters, NAMES};
 
 use crate::evidence::Refined;
-use crate::work::Work;
+use crate::work::{Candidate, Work};
 
 /// Effects whose parameters a joint has anyway; the robot file may state them either way.
 const ORDINARY: [&str; 3] = ["friction_viscous", "friction_coulomb", "rotor_inertia"];
@@ -41,10 +41,14 @@ pub(crate) fn refine(work: &Work, bare: &Model, readings: &[Parameters]) -> Refi
     // Laws that contain others come last, so that they replace them.
     let mut order: Vec<usize> = (0..readings.len()).collect();
     order.sort_by_key(|&i| contains_friction(work.candidates[work.picks[i].candidate].effect_name()));
-    for i in order {
+    for &i in &order {
         let c = &work.candidates[work.picks[i].candidate];
-        put(work, &mut out, c.effect.entry(), c.place, &readings[i]);
+        put(work, &mut out, c, &readings[i]);
     }
+    for &i in &order {
+        make_room(work, &mut out, i);
+    }
+    keep_damping_nominal(work, &mut out);
     out
 }
 
@@ -56,7 +60,8 @@ fn contains_friction(effect: &str) -> u8 {
     }
 }
 
-fn put(work: &Work, out: &mut Refined, entry: &'static Entry, place: usize, reading: &Parameters) {
+fn put(work: &Work, out: &mut Refined, c: &Candidate, reading: &Parameters) {
+    let (entry, place) = (c.effect.entry(), c.place);
     let value = |name: &str| reading.iter().find(|(n, _)| *n == name).map(|(_, v)| *v);
     match entry.name {
         "inertia_error" => change_link(work, &mut out.model, place, reading),
@@ -70,11 +75,11 @@ fn put(work: &Work, out: &mut Refined, entry: &'static Entry, place: usize, read
             out.model.joints[place].armature = value("inertia").unwrap_or(0.0);
         }
         _ => {
-            if entry.place != PlaceKind::Link && entry.place != PlaceKind::RootLink {
+            if c.site == Site::Joint && c.other.is_none() {
                 clear(out, entry.name, place);
             }
             let values = entry.parameters.iter().map(|p| value(p.name).or(p.default).unwrap_or(0.0)).collect();
-            let mut applied = Applied::at(entry, place, values);
+            let mut applied = Applied { entry, place, site: c.site, other: c.other, values };
             combine(out, &mut applied);
             out.effects.push(applied);
         }
@@ -99,7 +104,7 @@ fn clear(out: &mut Refined, effect: &str, place: usize) {
     out.effects.retain(|e| {
         let is_same = e.entry.name == effect && replaces(effect);
         let is_part = (dry && e.entry.name == "friction_coulomb") || (damping && e.entry.name == "friction_viscous");
-        e.place != place || !(is_same || is_part)
+        !e.is_at_joint(place) || !(is_same || is_part)
     });
 }
 
@@ -112,9 +117,9 @@ fn replaces(effect: &str) -> bool {
 fn combine(out: &mut Refined, new: &mut Applied) {
     let sums = matches!(new.entry.name, "torque_offset" | "encoder_offset" | "friction_load");
     let multiplies = new.entry.name == "torque_constant";
-    let (effect, place) = (new.entry.name, new.place);
+    let (effect, place) = (new.entry.name, (new.site, new.place));
     out.effects.retain(|e| {
-        let is_same = e.entry.name == effect && e.place == place && (sums || multiplies);
+        let is_same = e.entry.name == effect && (e.site, e.place) == place && (sums || multiplies);
         if is_same && sums {
             new.values[0] += e.values[0];
         } else if is_same {
@@ -122,6 +127,74 @@ fn combine(out: &mut Refined, new: &mut Applied) {
         }
         !is_same
     });
+}
+
+/// Friction along the stroke is read with a mean of zero, but its law takes away no more than the joint's nominal friction, which now
+/// may stand in another effect: what it needs of the joint's dry friction moves into it.
+fn make_room(work: &Work, out: &mut Refined, pick: usize) {
+    let c = &work.candidates[work.picks[pick].candidate];
+    if c.effect_name() != "friction_position" {
+        return;
+    }
+    let (k, place) = (c.scope[0], c.place);
+    let Some(law) = out.effects.iter_mut().rfind(|e| e.entry.name == "friction_position" && e.is_at_joint(place)) else { return };
+    let Law::JointEffort(effort) = law.entry.law else { return };
+    let level = |q: f64| effort(&law.values, &JointState { q, sign: 1.0, coulomb: f64::INFINITY, ..JointState::default() });
+    let positions = work.motions.iter().flat_map(|m| m.segment.q[k].iter().copied());
+    let needed = -positions.map(level).fold(0.0, f64::min);
+    let stated = |name: &str| -> &[usize] {
+        // Places of the levels of dry friction among the parameters of the laws that state one.
+        match name {
+            "friction_coulomb" => &[0],
+            "friction_stribeck" | "friction_asymmetric" => &[0, 1],
+            _ => &[],
+        }
+    };
+    let room = |out: &Refined| -> Vec<(usize, usize)> {
+        let at = |(i, e): (usize, &Applied)| stated(e.entry.name).iter().map(move |&p| (i, p)).collect::<Vec<_>>();
+        out.effects.iter().enumerate().filter(|(_, e)| e.is_at_joint(place)).flat_map(at).collect()
+    };
+    law.values[2] += needed;
+    let levels = room(out);
+    // The first law that states dry friction gives it; without one, the joint itself.
+    let Some(&(first, _)) = levels.first() else {
+        out.model.joints[place].coulomb = (out.model.joints[place].coulomb - needed).max(0.0);
+        return;
+    };
+    for (i, p) in levels.into_iter().filter(|(i, _)| *i == first) {
+        out.effects[i].values[p] = (out.effects[i].values[p] - needed).max(0.0);
+    }
+}
+
+/// A change of damping with warmth is a share of the joint's nominal damping: total damping at such a joint is stated there and not as
+/// an effect of its own.
+fn keep_damping_nominal(work: &Work, out: &mut Refined) {
+    let is_warming = |e: &Applied| e.entry.name == "friction_thermal";
+    let places: Vec<usize> = out.effects.iter().filter(|e| is_warming(e)).map(|e| e.place).collect();
+    for place in places {
+        let old = work.robot.model.joints[place].viscous;
+        let mut total = out.model.joints[place].viscous;
+        out.effects.retain(|e| {
+            let is_damping = e.entry.name == "friction_viscous" && e.is_at_joint(place);
+            total += if is_damping { e.values[0] } else { 0.0 };
+            !is_damping
+        });
+        for e in out.effects.iter_mut().filter(|e| e.is_at_joint(place)) {
+            if e.entry.name == "friction_asymmetric" {
+                // What both directions have in common.
+                let common = e.values[2].min(e.values[3]);
+                (e.values[2], e.values[3], total) = (e.values[2] - common, e.values[3] - common, total + common);
+            }
+        }
+        let found =
+            work.picks.iter().map(|p| &work.candidates[p.candidate]).any(|c| c.effect_name() == "friction_thermal" && c.place == place);
+        let stated = out.effects.iter_mut().filter(|e| is_warming(e) && e.is_at_joint(place));
+        // A rate of the robot's file was a share of the old damping; a found one is one of the new.
+        let n = stated.count() - usize::from(found);
+        let old_ones = out.effects.iter_mut().filter(|e| is_warming(e) && e.is_at_joint(place)).take(n);
+        old_ones.for_each(|e| e.values[0] *= if total > 0.0 { old / total } else { 1.0 });
+        out.model.joints[place].viscous = total;
+    }
 }
 
 fn change_link(work: &Work, model: &mut Model, link: usize, reading: &Parameters) {
@@ -142,5 +215,5 @@ pub(crate) fn container(work: &Work, pick: usize) -> Option<usize> {
     if at(pick).effect_name() != "friction_coulomb" {
         return None;
     }
-    (0..work.picks.len()).find(|&i| at(i).effect_name() == "friction_stribeck" && at(i).place == at(pick).place)
+    (0..work.picks.len()).find(|&i| at(i).effect_name() == "friction_stribeck" && at(i).is_where(at(pick)))
 }

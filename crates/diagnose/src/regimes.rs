@@ -88,7 +88,7 @@ pub(crate) fn of_pick(work: &Work, pick: usize, part: &[Vec<Vec<f64>>], left: &[
     let mut when = out.into_iter().next().map(|r| r.2).unwrap_or(moving);
     if candidate.effect.family() == Family::Chain {
         names.insert(0, "high_band".to_string());
-        when = format!("fast changes of effort at {}", candidate.name);
+        when = format!("fast changes of effort at {}", candidate.places(&work.robot.model).join(" and "));
     }
     if names.is_empty() {
         names.push("moving".to_string());

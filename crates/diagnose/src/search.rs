@@ -6,6 +6,7 @@ use crate::design::{Chain, ColumnId, View};
 use crate::gram::{Cross, Gram};
 use crate::screen::{self, Base};
 use crate::settings::{MAX_SHIFTS, MAX_STRUCTURAL, PRIORS, SOFTNESS, Settings};
+use crate::simplify::{fuller_shapes, one_cause};
 use crate::solve::Over;
 use crate::work::{Pick, Work};
 
@@ -31,16 +32,17 @@ pub(crate) fn search(work: &mut Work, band: f64, settings: &Settings, progress: 
     let ordinary = shifts(work, settings);
     settle_softness(work, band);
     prune(work, band, settings);
+    one_cause(work, band, settings);
     crate::confirm::confirm(work, band, settings);
     refine_chain(work, band);
     // What is left after a drop may read differently: nothing impossible or superfluous goes into a verdict.
     prune(work, band, settings);
     progress(0.95);
-    Search { last: structure.into_iter().chain(ordinary).collect() }
+    Search { last: core::iter::once(structure).chain(ordinary).collect() }
 }
 
 /// Takes out, worst first, picks that the others make superfluous, that read as impossible, or that a simpler effect replaces.
-fn prune(work: &mut Work, band: f64, settings: &Settings) {
+pub(crate) fn prune(work: &mut Work, band: f64, settings: &Settings) {
     for _ in 0..2 * (MAX_SHIFTS + MAX_STRUCTURAL) {
         let Some(worst) = superfluous(work, settings) else { return };
         drop_pick(work, worst, band);
@@ -108,7 +110,7 @@ fn superfluous(work: &mut Work, settings: &Settings) -> Option<usize> {
             let g = screen::gains(&work.gram, &cross, &base, &own, &own_prior, scope);
             g.scope.iter().map(|f| f[0]).sum::<f64>() / before
         };
-        if work.of_effort(gain * before, scope) <= settings.tolerance {
+        if work.of_effort(gain * before, scope) <= settings.tolerance_of(p.variant.n_own) {
             gain = gain.min(0.0);
         }
         let is_possible = crate::contest::reading(work, p.candidate, &p.variant, &value).is_ok();
@@ -158,9 +160,10 @@ fn choose_prior(work: &Work) -> f64 {
     best.0
 }
 
-fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn FnMut(f64)) -> Option<Contest> {
-    let mut last = None;
-    for step in 0..=MAX_STRUCTURAL {
+fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn FnMut(f64)) -> Contest {
+    let mut refused: Vec<usize> = Vec::new();
+    let mut step = 0;
+    loop {
         work.kappa = choose_prior(work);
         refresh_chain(work, band);
         let grounds = grounds(work, work.kappa);
@@ -169,19 +172,39 @@ fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn
         let left = left_over(work, &grounds[best]);
         let pool: Vec<usize> = (0..work.candidates.len())
             .filter(|&c| work.candidates[c].effect.family() != Family::Standard && !is_picked(work, c))
-            .filter(|&c| !second_chain(work, c) && !same_body(work, c))
+            .filter(|&c| !second_chain(work, c) && !same_body(work, c) && !refused.contains(&c))
             .collect();
         let mut now = contest(work, &pool, &grounds, &left, settings);
         let pick = decide(work, &mut now, &grounds, settings);
         progress(0.4 + 0.4 * (step + 1) as f64 / (MAX_STRUCTURAL + 1) as f64);
-        last = Some(now);
-        let Some(pick) = pick.filter(|_| step < MAX_STRUCTURAL) else { break };
+        let Some(pick) = pick.filter(|_| step < MAX_STRUCTURAL) else { return now };
+        if !holds(work, &pick, &grounds, settings) {
+            refused.push(pick.candidate);
+            continue;
+        }
+        step += 1;
         let softness = pick.variant.softness.unwrap_or(work.softness);
         work.pick(pick);
         work.set_softness(softness);
+        fuller_shapes(work, settings);
         absorb_chain(work, band);
     }
-    last
+}
+
+/// Whether structure found on the fitted rows is worth a name on the held-out ones too, on top of what was there before it. Several small wrong
+/// ones, each needed to mend the others, would all pass a test against the rest of them.
+fn holds(work: &Work, pick: &Pick, grounds: &[Ground], settings: &Settings) -> bool {
+    let softness = pick.variant.softness.unwrap_or(work.softness);
+    let Some(ground) = grounds.iter().find(|g| g.softness == softness) else { return true };
+    let cross = work.gram.cross(&work.design, &work.real_targets(&[softness]));
+    let base = Base::held_out(&work.gram, &cross, &ground.columns, &ground.prior);
+    let (own, prior) = crate::contest::own_columns(work, &pick.variant, &ground.columns);
+    let scope = &work.candidates[pick.candidate].scope;
+    if own.is_empty() {
+        return true;
+    }
+    let taken = screen::gains(&work.gram, &cross, &base, &own, &prior, scope).scope[0][0];
+    taken > settings.floor_of(pick.variant.n_own) * base.over(scope, 0)
 }
 
 fn is_picked(work: &Work, candidate: usize) -> bool {

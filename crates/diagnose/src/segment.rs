@@ -70,7 +70,9 @@ pub(crate) fn segments(robot: &Robot, recordings: &[(&Recording, Use)], band: Op
 
 /// Laws of the robot's files that a prediction of efforts has in it.
 fn is_taken_into_account(law: &Law) -> bool {
-    law.is_in_the_model() || matches!(law, Law::JointEffort(_) | Law::EffortScale | Law::EffortLag | Law::EffortDelay | Law::PositionOffset)
+    let is_an_effort = matches!(law, Law::JointEffort(_) | Law::PairEffort(_) | Law::Memory(_) | Law::Wrench(_));
+    let is_in_the_chain = matches!(law, Law::EffortScale | Law::EffortLag | Law::EffortDelay | Law::PositionOffset);
+    law.is_in_the_model() || is_an_effort || is_in_the_chain
 }
 
 /// Five harmonics of the fastest motion, median over joints and recordings to be fitted.

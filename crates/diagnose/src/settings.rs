@@ -22,6 +22,18 @@ pub struct Settings {
     pub seed: u64,
 }
 
+impl Settings {
+    /// Smallest share of the squared error worth a name of a law with `n` coefficients: each must be worth what a single one must.
+    pub(crate) fn floor_of(&self, n: usize) -> f64 {
+        self.floor * n.max(1) as f64
+    }
+
+    /// Smallest size worth a name of a law with `n` coefficients: each must be worth what a single one must, in squared effort.
+    pub(crate) fn tolerance_of(&self, n: usize) -> f64 {
+        self.tolerance * pkm_dyn::math::sqrt(n.max(1) as f64)
+    }
+}
+
 impl Default for Settings {
     fn default() -> Self {
         Self { band_hz: None, floor: 0.03, tolerance: 0.005, null_runs: 199, search_level: 0.2, confirm_level: 0.05, seed: 1 }

@@ -2,11 +2,11 @@
 
 use faer::Mat;
 use pkm_dyn::Model;
-use pkm_dyn::effects::Robot;
+use pkm_dyn::effects::{Robot, Site};
 use pkm_dyn::parameters::N_INERTIAL;
 use pkm_ident::filter::{advanced, derivative};
 
-use crate::columns::{self, Columns, Context, Family, Shape, Source, StandardIds};
+use crate::columns::{self, Columns, Context, Family, Proposal, Shape, Source, StandardIds};
 use crate::design::{ColumnId, Design, Make, View};
 use crate::gram::{Gram, Targets};
 use crate::motion::{Motion, softness_widths, top_speed};
@@ -32,6 +32,11 @@ pub(crate) struct Variant {
 pub(crate) struct Candidate {
     pub(crate) effect: &'static dyn Columns,
     pub(crate) place: usize,
+    /// What `place` counts.
+    pub(crate) site: Site,
+    /// The second joint of a pair.
+    pub(crate) other: Option<usize>,
+    /// Name of the place; of a pair, the first joint's.
     pub(crate) name: String,
     pub(crate) scope: Vec<usize>,
     pub(crate) variants: Vec<Variant>,
@@ -41,6 +46,18 @@ impl Candidate {
     /// Effect name.
     pub(crate) fn effect_name(&self) -> &'static str {
         self.effect.entry().name
+    }
+
+    /// Names of all places, as the robot's files have them.
+    pub(crate) fn places(&self, model: &Model) -> Vec<String> {
+        let mut out = vec![self.name.clone()];
+        out.extend(self.other.map(|j| model.joints[j].name.clone()));
+        out
+    }
+
+    /// Whether it sits where another candidate does.
+    pub(crate) fn is_where(&self, c: &Self) -> bool {
+        (self.site, self.place, self.other) == (c.site, c.place, c.other)
     }
 }
 
@@ -105,7 +122,9 @@ impl<'w> Work<'w> {
         let (speeds, travel) = extents(motions, model.n_act());
         let resolution: Vec<f64> = speeds.iter().map(|v| v / (5.0 * band)).collect();
         let massive = model.massive_links();
-        let ctx = Context { model, widths: &widths, top_speed: &speeds, travel: &travel, resolution: &resolution, massive: &massive };
+        let range = ranges(motions, model.n_act());
+        let (top_speed, travel, resolution, massive, widths) = (&speeds, &travel, &resolution, &massive, &widths);
+        let ctx = Context { model, widths, top_speed, travel, range: &range, motions, resolution, massive };
         let candidates = register(&ctx, &mut design, motions, &standard, only);
         let rigid_spread = massive.iter().flat_map(|&l| columns::inertia_error::spread(&model.links[l].parameters)).collect();
         let gram = Gram::new(&design);
@@ -335,12 +354,9 @@ impl<'w> Work<'w> {
 
     /// Drive of a candidate's place, if it is a driven joint.
     pub(crate) fn drive(&self, candidate: usize) -> Option<usize> {
-        use pkm_dyn::effects::PlaceKind;
         let c = &self.candidates[candidate];
-        match c.effect.entry().place {
-            PlaceKind::Joint => self.robot.model.actuators.iter().position(|&j| j == c.place),
-            _ => None,
-        }
+        let is_one_joint = c.site == Site::Joint && c.other.is_none();
+        self.robot.model.actuators.iter().position(|&j| is_one_joint && j == c.place)
     }
 }
 
@@ -370,6 +386,12 @@ fn extents(motions: &[Motion], n: usize) -> (Vec<f64>, Vec<f64>) {
     (each(&|m, k| top_speed(&m.segment.v[k])), each(&range))
 }
 
+/// Lowest and highest position of each drive over the segments that are fitted.
+fn ranges(motions: &[Motion], n: usize) -> Vec<[f64; 2]> {
+    let all = |k: usize| fitted(motions).flat_map(move |m| m.segment.q[k].iter().copied());
+    (0..n).map(|k| [all(k).fold(f64::INFINITY, f64::min), all(k).fold(f64::NEG_INFINITY, f64::max)]).collect()
+}
+
 fn standard_columns(design: &mut Design, motions: &[Motion], model: &Model, widths: &[Vec<f64>]) -> StandardIds {
     let n = model.n_act();
     let n_rigid = model.massive_links().len() * N_INERTIAL;
@@ -397,21 +419,31 @@ fn register(ctx: &Context, design: &mut Design, motions: &[Motion], standard: &S
     let mut out = Vec::new();
     for &effect in columns::ALL.iter().filter(|e| only.is_none_or(|names| names.contains(&e.entry().name))) {
         for proposal in effect.propose(ctx) {
-            let mut variants: Vec<Variant> = proposal.shapes.into_iter().map(|shape| variant(shape, design, motions, standard)).collect();
+            let mut made = Vec::new();
+            let mut variants: Vec<Variant> = Vec::new();
+            for shape in proposal.shapes {
+                variants.push(variant(shape, design, motions, (standard, &mut made)));
+            }
             variants.retain(|v| v.columns.iter().any(|&c| design.joints_of(c).next().is_some()));
             if !variants.is_empty() || effect.family() == Family::Chain {
-                out.push(Candidate { effect, place: proposal.place, name: proposal.name, scope: proposal.scope, variants });
+                let Proposal { place, site, other, name, scope, .. } = proposal;
+                out.push(Candidate { effect, place, site, other, name, scope, variants });
             }
         }
     }
     out
 }
 
-fn variant(shape: Shape, design: &mut Design, motions: &[Motion], standard: &StandardIds) -> Variant {
+/// `made` holds the new columns of the candidate's earlier shapes.
+fn variant(shape: Shape, design: &mut Design, motions: &[Motion], (standard, made): (&StandardIds, &mut Vec<ColumnId>)) -> Variant {
     let mut columns = Vec::new();
     for source in shape.sources {
         columns.push(match source {
-            Source::New(f) => design.push(motions, vec![f])[0],
+            Source::New(f) => {
+                made.push(design.push(motions, vec![f])[0]);
+                made[made.len() - 1]
+            }
+            Source::Again(i) => made[i],
             Source::Rigid(link, k) => standard.rigid[link * N_INERTIAL + k],
             Source::Viscous(k) => standard.viscous[k],
             Source::Coulomb(k, w) => standard.coulomb[w][k],

@@ -22,9 +22,8 @@ impl Columns for Effect {
         let all: Vec<usize> = (0..ctx.model.n_act()).collect();
         (0..ctx.model.n_act())
             .map(|k| {
-                let place = ctx.model.actuators[k];
                 let shape = Shape::free(vec![global(move |m| m.offset[k].clone())]);
-                Proposal { place, name: ctx.model.joints[place].name.clone(), scope: all.clone(), shapes: vec![shape] }
+                Proposal { scope: all.clone(), ..Proposal::at_drive(ctx, k, vec![shape]) }
             })
             .collect()
     }

@@ -1,5 +1,7 @@
 //! Friction of a passive joint, projected to the drives through the loops.
 
+use pkm_dyn::effects::Site;
+
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, global};
 use crate::motion::{Passive, soft_sign};
 
@@ -34,7 +36,7 @@ impl Columns for Effect {
                 shapes.push(Shape::free(vec![damping()]).at(w).with(vec![1.0]));
             }
             let name = ctx.model.joints[joint].name.clone();
-            out.push(Proposal { place: joint, name, scope: (0..ctx.model.n_act()).collect(), shapes });
+            out.push(Proposal { place: joint, site: Site::Joint, other: None, name, scope: (0..ctx.model.n_act()).collect(), shapes });
         }
         out
     }

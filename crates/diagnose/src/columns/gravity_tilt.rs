@@ -21,7 +21,7 @@ impl Columns for Effect {
     fn propose(&self, ctx: &Context) -> Vec<Proposal> {
         let root = ctx.model.links.iter().position(|l| l.name == ctx.model.root).unwrap_or(0);
         let shape = Shape::free(vec![global(|m| m.tilt[0].clone()), global(|m| m.tilt[1].clone())]);
-        vec![Proposal { place: root, name: ctx.model.root.clone(), scope: (0..ctx.model.n_act()).collect(), shapes: vec![shape] }]
+        vec![Proposal::on_link(ctx, root, vec![shape])]
     }
 
     fn read(&self, view: &View) -> Reading {

@@ -34,8 +34,7 @@ impl Columns for Effect {
                     all().with_offsets(0..ctx.model.n_act()),
                     Shape { values: Vec::new(), softness: None, sources: free, prior: sd, n_own: N_INERTIAL },
                 ];
-                let scope = (0..ctx.model.n_act()).collect();
-                Proposal { place: link, name: ctx.model.links[link].name.clone(), scope, shapes }
+                Proposal::on_link(ctx, link, shapes)
             })
             .collect()
     }

@@ -2,15 +2,23 @@
 //! the effect's own parameters. One file per effect, named as in the catalogue.
 
 mod actuator_lag;
+mod cable_force;
+mod contact;
+mod directional_efficiency;
 mod encoder_offset;
 mod friction_asymmetric;
 mod friction_coulomb;
 mod friction_load;
 mod friction_passive;
+mod friction_position;
+mod friction_presliding;
+mod friction_quadratic;
 mod friction_stribeck;
+mod friction_thermal;
 mod friction_viscous;
 mod gravity_tilt;
 pub(crate) mod inertia_error;
+mod limb_impedance;
 mod payload;
 mod rotor_inertia;
 mod spring;
@@ -18,11 +26,13 @@ mod time_delay;
 mod torque_constant;
 mod torque_offset;
 mod torque_ripple;
+mod transmission_coupling;
 
 use pkm_dyn::Model;
-use pkm_dyn::effects::Entry;
+use pkm_dyn::effects::{Entry, Site};
 
 use crate::design::{Chain, ColumnId, Make};
+use crate::held::Held;
 use crate::motion::Motion;
 
 /// Every effect's columns.
@@ -34,6 +44,7 @@ pub(crate) const ALL: &[&dyn Columns] = &[
     &friction_asymmetric::Effect,
     &friction_load::Effect,
     &friction_passive::Effect,
+    &friction_quadratic::Effect,
     &payload::Effect,
     &inertia_error::Effect,
     &torque_constant::Effect,
@@ -44,6 +55,14 @@ pub(crate) const ALL: &[&dyn Columns] = &[
     &torque_ripple::Effect,
     &time_delay::Effect,
     &actuator_lag::Effect,
+    &friction_position::Effect,
+    &friction_thermal::Effect,
+    &directional_efficiency::Effect,
+    &friction_presliding::Effect,
+    &cable_force::Effect,
+    &transmission_coupling::Effect,
+    &limb_impedance::Effect,
+    &contact::Effect,
 ];
 
 /// Names of the effects that a diagnosis can find, in the catalogue's order: those of which there are columns here.
@@ -86,6 +105,10 @@ pub(crate) struct Context<'c> {
     pub(crate) top_speed: &'c [f64],
     /// Travel of each drive over all segments.
     pub(crate) travel: &'c [f64],
+    /// Lowest and highest position of each drive over all segments.
+    pub(crate) range: &'c [[f64; 2]],
+    /// The motions that columns will be made for.
+    pub(crate) motions: &'c [Motion],
     /// Shortest sample distance of rows along each drive's travel at top speed: position structure finer than this is not resolved.
     pub(crate) resolution: &'c [f64],
     pub(crate) massive: &'c [usize],
@@ -95,6 +118,8 @@ pub(crate) struct Context<'c> {
 pub(crate) enum Source {
     /// Raw series per joint it acts on.
     New(Make),
+    /// The new column of that number, counted over the candidate's shapes: what several shapes have in common is one column.
+    Again(usize),
     /// Parameter `k` of the massive link of that position.
     Rigid(usize, usize),
     /// Damping of a drive.
@@ -121,9 +146,13 @@ pub(crate) struct Shape {
 
 /// A candidate before its columns are computed.
 pub(crate) struct Proposal {
-    /// Index of the place (joint or link) in the model.
+    /// Index of the place in the model.
     pub(crate) place: usize,
-    /// Its name.
+    /// What that index counts.
+    pub(crate) site: Site,
+    /// The second joint of a pair.
+    pub(crate) other: Option<usize>,
+    /// Its name; of a pair, the first joint's.
     pub(crate) name: String,
     /// Drives whose rows it acts on.
     pub(crate) scope: Vec<usize>,
@@ -135,7 +164,13 @@ impl Proposal {
     /// At a drive, acting on its own row only.
     pub(crate) fn at_drive(ctx: &Context, drive: usize, shapes: Vec<Shape>) -> Self {
         let place = ctx.model.actuators[drive];
-        Self { place, name: ctx.model.joints[place].name.clone(), scope: vec![drive], shapes }
+        Self { place, site: Site::Joint, other: None, name: ctx.model.joints[place].name.clone(), scope: vec![drive], shapes }
+    }
+
+    /// On a link, acting on every drive.
+    pub(crate) fn on_link(ctx: &Context, link: usize, shapes: Vec<Shape>) -> Self {
+        let scope = (0..ctx.model.n_act()).collect();
+        Self { place: link, site: Site::Link, other: None, name: ctx.model.links[link].name.clone(), scope, shapes }
     }
 }
 
@@ -213,6 +248,39 @@ pub(crate) fn local(drive: usize, f: impl Fn(&Motion, usize) -> Vec<f64> + Send 
 /// A column acting on all drives, from [drive][sample] series.
 pub(crate) fn global(f: impl Fn(&Motion) -> Vec<Vec<f64>> + Send + Sync + 'static) -> Source {
     Source::New(Box::new(move |m| f(m).into_iter().enumerate().collect()))
+}
+
+/// A column acting alike on two drives; `f` is given the motion, both drives and the sample.
+pub(crate) fn pair(drives: [usize; 2], f: impl Fn(&Motion, [usize; 2], usize) -> f64 + Send + Sync + 'static) -> Source {
+    Source::New(Box::new(move |m| {
+        let series: Vec<f64> = (0..m.segment.valid.len()).map(|i| f(m, drives, i)).collect();
+        vec![(drives[0], series.clone()), (drives[1], series)]
+    }))
+}
+
+/// The effort of all drives under a wrench on a link; `f` gives its component `c` (force first) at a sample, for the components `axes`.
+pub(crate) fn on_held(
+    link: usize,
+    axes: core::ops::Range<usize>,
+    f: impl Fn(&Held, usize, usize) -> f64 + Send + Sync + 'static,
+) -> Source {
+    global(move |m| {
+        let (n, drives) = (m.segment.valid.len(), m.rigid.len());
+        let Some(held) = m.held.iter().find(|h| h.link == link) else { return vec![vec![0.0; n]; drives] };
+        let felt = |k: usize, i: usize| axes.clone().map(|c| f(held, c, i) * held.push[c][k][i]).sum();
+        (0..drives).map(|k| (0..n).map(|i| felt(k, i)).collect()).collect()
+    })
+}
+
+/// Middle and half of the range that a drive covers.
+pub(crate) fn stroke(ctx: &Context, drive: usize) -> [f64; 2] {
+    let [low, high] = ctx.range[drive];
+    [0.5 * (low + high), 0.5 * (high - low)]
+}
+
+/// Drives that cover a range at all.
+pub(crate) fn that_travel<'c>(ctx: &'c Context) -> impl Iterator<Item = usize> + 'c {
+    (0..ctx.model.n_act()).filter(|&k| ctx.travel[k] > 0.0)
 }
 
 /// Column ids of what every model has.

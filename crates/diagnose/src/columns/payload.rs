@@ -33,8 +33,7 @@ impl Columns for Effect {
                 let sources = (0..N_INERTIAL).map(|c| Source::Rigid(l, c)).collect();
                 let prior = spread(&ctx.model.links[link].parameters).to_vec();
                 let body = Shape { values: Vec::new(), softness: None, sources, prior, n_own: N_INERTIAL };
-                let scope = (0..ctx.model.n_act()).collect();
-                Proposal { place: link, name: ctx.model.links[link].name.clone(), scope, shapes: vec![point, body] }
+                Proposal::on_link(ctx, link, vec![point, body])
             })
             .collect()
     }

@@ -1,0 +1,111 @@
+//! Links that something outside may hold or push: where they go, and how a wrench on them is felt at the drives.
+
+use pkm_dyn::effects::{Law, LinkState, Robot, Site};
+use pkm_dyn::jacobian::{Reference, frame_jacobian};
+use pkm_dyn::kinematics::frame_pose;
+use pkm_dyn::model::FrameOnBody;
+use pkm_dyn::spatial::Pose;
+use pkm_dyn::{Data, Model};
+
+/// A link along a segment, in the root frame. Components are force or translation first; innermost index: raw sample.
+#[derive(Debug, Clone)]
+pub(crate) struct Held {
+    pub(crate) link: usize,
+    /// Position of its origin `[m]`.
+    pub(crate) position: [Vec<f64>; 3],
+    /// Displacement since the first sample `[m]`, then the rotation vector since then `[rad]`.
+    pub(crate) displacement: [Vec<f64>; 6],
+    /// Velocity of its origin `[m/s]`, then its angular velocity `[rad/s]`.
+    pub(crate) velocity: [Vec<f64>; 6],
+    /// Effort of each drive per unit of each component of a wrench of the robot on its environment: [component][drive].
+    pub(crate) push: [Vec<Vec<f64>>; 6],
+    start: Pose,
+}
+
+/// Links with mass that carry no other: what a person holds or an obstacle meets first.
+pub(crate) fn ends(model: &Model) -> Vec<usize> {
+    let massive = model.massive_links();
+    let body = |l: usize| model.links[l].body;
+    let carries =
+        |l: usize| massive.iter().any(|&m| m != l && body(m).is_some_and(|b| body(l).is_some_and(|own| is_behind(model, b, own))));
+    massive.iter().copied().filter(|&l| !carries(l)).collect()
+}
+
+/// Whether body `b` hangs on body `own` through one joint or more.
+fn is_behind(model: &Model, b: usize, own: usize) -> bool {
+    let mut at = model.joints[b].parent;
+    while let Some(p) = at {
+        if p == own {
+            return true;
+        }
+        at = model.joints[p].parent;
+    }
+    false
+}
+
+/// Links to follow: the ends, and those that the robot's files put a wrench on.
+pub(crate) fn followed(robot: &Robot) -> Vec<usize> {
+    let mut out = ends(&robot.model);
+    let stated = robot.effects.iter().filter(|e| e.site == Site::Link && matches!(e.entry.law, Law::Wrench(_))).map(|e| e.place);
+    for link in stated {
+        if !out.contains(&link) {
+            out.push(link);
+        }
+    }
+    out
+}
+
+impl Held {
+    /// Room for `n` samples and `drives` drives.
+    pub(crate) fn new(link: usize, drives: usize, n: usize) -> Self {
+        let zero = || vec![0.0; n];
+        Self {
+            link,
+            position: core::array::from_fn(|_| zero()),
+            displacement: core::array::from_fn(|_| zero()),
+            velocity: core::array::from_fn(|_| zero()),
+            push: core::array::from_fn(|_| vec![zero(); drives]),
+            start: Pose::identity(),
+        }
+    }
+
+    /// Stores sample `i` from the poses, velocities and reduction in `data`.
+    pub(crate) fn store(&mut self, model: &Model, data: &mut Data, i: usize) {
+        let link = &model.links[self.link];
+        let frame = FrameOnBody { body: link.body, pose: link.pose };
+        let pose = frame_pose(data, &frame);
+        if i == 0 {
+            self.start = pose;
+        }
+        let turn = Pose { rotation: pose.rotation * self.start.rotation.transpose(), translation: pose.translation }.rotation_vector();
+        for c in 0..3 {
+            self.position[c][i] = pose.translation[c];
+            self.displacement[c][i] = pose.translation[c] - self.start.translation[c];
+            self.displacement[3 + c][i] = turn[c];
+        }
+        frame_jacobian(model, data, &frame, Reference::LocalWorldAligned);
+        let (jacobian, reduction) = (&data.jacobian, &data.reduction);
+        for c in 0..6 {
+            let row = jacobian.row(c);
+            self.velocity[c][i] = row.iter().zip(&data.v).map(|(j, v)| j * v).sum();
+            for (k, push) in self.push[c].iter_mut().enumerate() {
+                push[i] = row.iter().zip(reduction.column(k).iter()).map(|(j, g)| j * g).sum();
+            }
+        }
+    }
+
+    /// The state a law sees at sample `i`.
+    pub(crate) fn state(&self, i: usize, time: f64) -> LinkState {
+        LinkState {
+            position: core::array::from_fn(|c| self.position[c][i]),
+            displacement: core::array::from_fn(|c| self.displacement[c][i]),
+            velocity: core::array::from_fn(|c| self.velocity[c][i]),
+            time,
+        }
+    }
+
+    /// Effort of drive `k` at sample `i` under a wrench of the robot on its environment.
+    pub(crate) fn felt(&self, wrench: &[f64; 6], k: usize, i: usize) -> f64 {
+        wrench.iter().zip(&self.push).map(|(w, p)| w * p[k][i]).sum()
+    }
+}

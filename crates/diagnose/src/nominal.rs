@@ -1,0 +1,167 @@
+//! The effort of the model as given along a segment: rigid bodies, nominal friction, effects that the robot file already has.
+
+use pkm_dyn::effects::{Applied, JointState, Law, LinkState, Memory, Robot, Site};
+use pkm_dyn::math;
+
+use crate::held::Held;
+use crate::motion::{Motion, soft_sign, softness_widths};
+
+/// A tree joint along a segment.
+struct Track<'m> {
+    q: &'m [f64],
+    v: &'m [f64],
+    a: &'m [f64],
+    /// Rigid effort, of a drive.
+    load: Option<&'m [f64]>,
+    /// Temperature above the first sample's, where recorded.
+    warmth: &'m [f64],
+}
+
+/// Effort at each drive per softness of directions, as the drive's recorded effort has it: [softness][drive][sample].
+pub(crate) fn nominal(robot: &Robot, motion: &Motion) -> Vec<Vec<Vec<f64>>> {
+    softness_widths(&robot.model, motion).iter().map(|width| at_softness(robot, motion, width)).collect()
+}
+
+fn at_softness(robot: &Robot, motion: &Motion, width: &[f64]) -> Vec<Vec<f64>> {
+    let joints: Vec<Vec<f64>> = (0..robot.model.nv()).map(|j| joint_series(robot, motion, j, width)).collect();
+    let mut out = motion.rigid.clone();
+    for (k, &j) in robot.model.actuators.iter().enumerate() {
+        add(&mut out[k], &joints[j]);
+        for (p, passive) in motion.dependent.iter().zip(&motion.passive) {
+            out[k].iter_mut().zip(&passive.g[k]).zip(&joints[*p]).for_each(|((sum, g), e)| *sum += g * e);
+        }
+    }
+    for e in robot.effects.iter().filter(|e| e.site == Site::Link) {
+        let (Law::Wrench(law), Some(held)) = (e.entry.law, motion.held.iter().find(|h| h.link == e.place)) else { continue };
+        push(&mut out, held, motion.segment.dt, |s| law(&e.values, s));
+    }
+    for (k, &j) in robot.model.actuators.iter().enumerate() {
+        let scale: f64 = robot.chain(j, |law| matches!(law, Law::EffortScale)).product();
+        out[k].iter_mut().for_each(|e| *e /= scale);
+    }
+    out
+}
+
+fn add(sum: &mut [f64], part: &[f64]) {
+    sum.iter_mut().zip(part).for_each(|(s, p)| *s += p);
+}
+
+fn push(out: &mut [Vec<f64>], held: &Held, dt: f64, wrench: impl Fn(&LinkState) -> [f64; 6]) {
+    for i in 0..held.position[0].len() {
+        let w = wrench(&held.state(i, dt * i as f64));
+        for (k, out) in out.iter_mut().enumerate() {
+            out[i] += held.felt(&w, k, i);
+        }
+    }
+}
+
+fn track<'m>(robot: &Robot, motion: &'m Motion, j: usize) -> Option<Track<'m>> {
+    if let Some(k) = robot.model.actuators.iter().position(|&a| a == j) {
+        let s = &motion.segment;
+        return Some(Track { q: &s.q[k], v: &s.v[k], a: &s.a[k], load: Some(&motion.rigid[k]), warmth: &s.warmth[k] });
+    }
+    let p = motion.dependent.iter().position(|&d| d == j)?;
+    let p = &motion.passive[p];
+    Some(Track { q: &p.q, v: &p.v, a: &p.a, load: None, warmth: &[] })
+}
+
+/// Everything that acts at the coordinate of one joint.
+fn joint_series(robot: &Robot, motion: &Motion, j: usize, width: &[f64]) -> Vec<f64> {
+    let dt = motion.segment.dt;
+    let Some(t) = track(robot, motion, j) else { return vec![0.0; motion.segment.valid.len()] };
+    let mut out: Vec<f64> = (0..t.q.len())
+        .map(|i| {
+            let time = dt * i as f64;
+            let state = JointState {
+                q: t.q[i],
+                v: t.v[i],
+                a: t.a[i],
+                sign: soft_sign(t.v[i], width[j]),
+                load: t.load.map_or(0.0, |l| l[i]),
+                warmth: t.warmth.get(i).copied().unwrap_or(time),
+                time,
+                ..JointState::default()
+            };
+            robot.joint_effort(j, &state)
+        })
+        .collect();
+    for e in &robot.effects {
+        match e.entry.law {
+            Law::Memory(memory) if e.is_at_joint(j) => add(&mut out, &remembered(&memory, &e.values, t.v, dt)),
+            Law::Wrench(law) if e.is_at_joint(j) => {
+                for (i, sum) in out.iter_mut().enumerate() {
+                    let mut s = LinkState { time: dt * i as f64, ..LinkState::default() };
+                    (s.position[0], s.displacement[0], s.velocity[0]) = (t.q[i], t.q[i] - t.q[0], t.v[i]);
+                    *sum += law(&e.values, &s)[0];
+                }
+            }
+            Law::PairEffort(law) => {
+                if let Some(pair) = pair_of(robot, motion, e, j) {
+                    add(&mut out, &paired(&pair, dt, width[e.place].max(width[j]), |s| law(&e.values, s)));
+                }
+            }
+            _ => {}
+        }
+    }
+    out
+}
+
+/// Both joints of a pair, if `j` is one of them.
+fn pair_of<'m>(robot: &Robot, motion: &'m Motion, e: &Applied, j: usize) -> Option<[Track<'m>; 2]> {
+    let other = e.other?;
+    if e.place != j && other != j {
+        return None;
+    }
+    Some([track(robot, motion, e.place)?, track(robot, motion, other)?])
+}
+
+fn paired([x, y]: &[Track; 2], dt: f64, width: f64, law: impl Fn(&JointState) -> f64) -> Vec<f64> {
+    (0..x.q.len())
+        .map(|i| {
+            let (time, v) = (dt * i as f64, x.v[i] + y.v[i]);
+            let (q, a, sign) = (x.q[i] + y.q[i], x.a[i] + y.a[i], soft_sign(v, width));
+            law(&JointState { q, v, a, sign, warmth: time, time, ..JointState::default() })
+        })
+        .collect()
+}
+
+/// Effort of a force with a memory along a motion that starts at rest.
+///
+/// Each step follows the law linearised in its state exactly: a stiff loop over position would throw an explicit step off.
+pub(crate) fn remembered(memory: &Memory, p: &[f64], v: &[f64], dt: f64) -> Vec<f64> {
+    let mut z = 0.0;
+    v.iter()
+        .enumerate()
+        .map(|(i, &v_now)| {
+            if i > 0 {
+                let mean = 0.5 * (v[i - 1] + v_now);
+                let rate = (memory.rate)(p, z, mean);
+                let step = (rate * dt).abs().max(1e-12);
+                let slope = ((memory.rate)(p, z + step, mean) - rate) / step;
+                let x = slope * dt;
+                z += rate * dt * if x.abs() > 1e-6 { (math::exp(x) - 1.0) / x } else { 1.0 + 0.5 * x };
+            }
+            (memory.effort)(p, z, v_now)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_dahl_loop_follows_its_closed_form_at_any_stiffness() {
+        let Some(Law::Memory(memory)) = pkm_dyn::effects::find("friction_presliding").map(|e| e.law) else { panic!("a law with a memory") };
+        for stiffness in [1e3, 1e5, 1e8] {
+            let (coulomb, dt, speed) = (4.0, 1e-3, 0.02);
+            let v = vec![speed; 500];
+            let effort = remembered(&memory, &[stiffness, coulomb], &v, dt);
+            for (i, e) in effort.iter().enumerate() {
+                let travel = speed * dt * i as f64;
+                let want = coulomb * (1.0 - math::exp(-stiffness * travel / coulomb));
+                assert!((e - want).abs() < 1e-4 * coulomb, "{e} instead of {want} at {stiffness}");
+            }
+        }
+    }
+}
