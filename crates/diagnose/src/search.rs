@@ -161,7 +161,6 @@ fn choose_prior(work: &Work) -> f64 {
 }
 
 fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn FnMut(f64)) -> Option<Contest> {
-    let mut last = None;
     let mut refused: Vec<usize> = Vec::new();
     let mut step = 0;
     loop {
@@ -178,8 +177,7 @@ fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn
         let mut now = contest(work, &pool, &grounds, &left, settings);
         let pick = decide(work, &mut now, &grounds, settings);
         progress(0.4 + 0.4 * (step + 1) as f64 / (MAX_STRUCTURAL + 1) as f64);
-        last = Some(now);
-        let Some(pick) = pick.filter(|_| step < MAX_STRUCTURAL) else { break };
+        let Some(pick) = pick.filter(|_| step < MAX_STRUCTURAL) else { return Some(now) };
         if !holds(work, &pick, &grounds, settings) {
             refused.push(pick.candidate);
             continue;
@@ -191,7 +189,6 @@ fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn
         fuller_shapes(work, settings);
         absorb_chain(work, band);
     }
-    last
 }
 
 /// Whether structure found on the fitted rows is worth a name on the held-out ones too, on top of what was there before it. Several small wrong
