@@ -149,6 +149,48 @@ pub(crate) fn remembered(memory: &Memory, p: &[f64], v: &[f64], dt: f64) -> Vec<
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::Bench;
+
+    /// What the robot's files add to the rigid effort of two sliders across each other: [drive][sample].
+    fn added(bench: &Bench, effect: &str, place: &str, numbers: &[(&str, f64)]) -> Vec<Vec<f64>> {
+        let numbers: Vec<(String, f64)> = numbers.iter().map(|(n, v)| (n.to_string(), *v)).collect();
+        let applied = Applied::try_new(&bench.model, effect, place, &numbers).expect("a valid effect");
+        let all = nominal(&Robot::new(bench.model.clone(), vec![applied]), &bench.motion);
+        all[0].iter().zip(&bench.motion.rigid).map(|(n, r)| n.iter().zip(r).map(|(n, r)| n - r).collect()).collect()
+    }
+
+    #[test]
+    fn a_part_that_turns_with_two_joints_is_felt_at_both() {
+        let bench = Bench::pair();
+        let s = &bench.motion.segment;
+        for felt in added(&bench, "transmission_coupling", "j0,j1", &[("inertia", 2.0), ("viscous", 3.0)]) {
+            for (i, e) in felt.iter().enumerate() {
+                let want = 2.0 * (s.a[0][i] + s.a[1][i]) + 3.0 * (s.v[0][i] + s.v[1][i]);
+                assert!((e - want).abs() < 1e-9 * (1.0 + want.abs()), "{e} instead of {want}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_limb_at_the_end_pulls_each_slider_back_to_the_start() {
+        let bench = Bench::pair();
+        let s = &bench.motion.segment;
+        for (k, felt) in added(&bench, "limb_impedance", "link1", &[("stiffness", 5.0), ("damping", 0.5)]).into_iter().enumerate() {
+            for (i, e) in felt.iter().enumerate() {
+                let want = 5.0 * (s.q[k][i] - s.q[k][0]) + 0.5 * s.v[k][i];
+                assert!((e - want).abs() < 1e-9, "{e} instead of {want}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_obstacle_at_a_joint_pushes_on_its_side_only() {
+        let bench = Bench::pair();
+        let felt = added(&bench, "contact", "j1", &[("stiffness", 100.0), ("position", 0.05)]);
+        let q = &bench.motion.segment.q[1];
+        assert!(felt[0].iter().all(|e| e.abs() < 1e-12), "the other slider feels nothing");
+        assert!(felt[1].iter().zip(q).all(|(e, q)| (e - 100.0 * (q - 0.05).max(0.0)).abs() < 1e-9));
+    }
 
     #[test]
     fn a_dahl_loop_follows_its_closed_form_at_any_stiffness() {
