@@ -53,7 +53,7 @@ pub(crate) fn detectable(work: &Work, left: &[Vec<Vec<f64>>], settings: &Setting
             let size = by_chance.max(by_worth).max(by_tolerance);
             best = Some(best.map_or(size, |b: f64| b.min(size)));
         }
-        let Some(mut value) = best.filter(|v| v.is_finite()) else { continue };
+        let Some(mut value) = best.filter(|v| v.is_finite()).and_then(|v| c.effect.smallest(v)).filter(|v| v.is_finite()) else { continue };
         let model = &work.robot.model;
         let parameter = leading(c.effect_name());
         if c.effect_name() == "inertia_error" {

@@ -22,7 +22,7 @@ pub(crate) fn unexplained(work: &Work, nominal: &Left, left: &Left, moving: &Lef
     let mut place = Vec::new();
     let mut depends: Vec<(f64, String)> = Vec::new();
     let (mut sum_before, mut sum_after) = (0.0, 0.0);
-    for j in 0..work.design.n_joints {
+    for j in 0..work.design.n_drives {
         let noise = noise_power(&left[j]);
         let power = |e: &JointError| (e.error * e.error - noise).max(0.0);
         if after[j].effort > 0.0 {
@@ -62,7 +62,7 @@ pub(crate) fn unexplained(work: &Work, nominal: &Left, left: &Left, moving: &Lef
 }
 
 /// Mean square of the part of a leftover that looks white.
-fn noise_power(left: &[Vec<f64>]) -> f64 {
+pub(crate) fn noise_power(left: &[Vec<f64>]) -> f64 {
     let (mut sum, mut n) = (0.0, 0_usize);
     for w in left.iter().flat_map(|x| x.windows(3)) {
         let d = w[0] - 2.0 * w[1] + w[2];

@@ -72,6 +72,8 @@ pub(crate) struct Work<'w> {
     pub(crate) softness: usize,
     /// Prior strength of the rigid parameters while structure is sought.
     pub(crate) kappa: f64,
+    /// Share of the controller's command that each drive's recorded effort lacked before it was made good.
+    pub(crate) missing: Vec<f64>,
     /// Weighted squared measured effort of each joint over the rows that are fitted.
     effort: Vec<f64>,
 }
@@ -86,7 +88,8 @@ impl<'w> Work<'w> {
         let (speeds, travel) = extents(motions, model.n_act());
         let resolution: Vec<f64> = speeds.iter().map(|v| v / (5.0 * band)).collect();
         let massive = model.massive_links();
-        let ctx = Context { model, widths: &widths, top_speed: &speeds, travel: &travel, resolution: &resolution, massive: &massive };
+        let ctx =
+            Context { model, widths: &widths, top_speed: &speeds, travel: &travel, resolution: &resolution, massive: &massive, motions };
         let candidates = register(&ctx, &mut design, motions, &standard);
         let rigid_spread = massive.iter().flat_map(|&l| columns::inertia_error::spread(&model.links[l].parameters)).collect();
         let gram = Gram::new(&design);
@@ -102,6 +105,7 @@ impl<'w> Work<'w> {
             picks: Vec::new(),
             softness: 0,
             kappa: 0.0,
+            missing: vec![0.0; model.n_act()],
             effort: Vec::new(),
         };
         out.weigh();
