@@ -57,7 +57,7 @@ pub use playback::Playback;
 pub use rapier::{RapierOptions, RapierPlant};
 pub use reference::{Reference, ReferenceOptions, Sample};
 pub use rerun::rerun;
-pub use scenario::{Instrumented, PlantKind, Scenario, Setup, needs_states, run, run_along, run_instrumented, run_with};
+pub use scenario::{Instrumented, PlantKind, Scenario, Setup, needs_states, replay_commands, run, run_along, run_instrumented, run_with};
 pub use shaped::{Shape, Shaped};
 pub use trajectory::{Trajectory, check_limits};
 pub use twin::{Twin, twin, twin_with};
