@@ -8,7 +8,7 @@ use pkm_diagnose::{Diagnosis, Verdict};
 use pkm_dyn::urdf::Description;
 use pkm_report::Style;
 
-use crate::diagnosis::{SettingsArgs, Subject, each_once, json, read_recordings, run as run_engine};
+use crate::diagnosis::{SettingsArgs, Stated, Subject, each_once, json, read_recordings, run as run_engine};
 use crate::outputs::{Outputs, folder};
 use crate::{check, out, robot_file};
 
@@ -19,7 +19,8 @@ Exit status: 0 the diagnosis ran, 1 with --fail-on-mismatch when something was f
 
 Examples:
   pkm diagnose robot.toml --recording A.csv --holdout B.csv --html out.html
-  pkm diagnose robot.toml --recording A.mcap --recording B.mcap --json out.json --fail-on-mismatch")]
+  pkm diagnose robot.toml --recording A.mcap --recording B.mcap --json out.json --fail-on-mismatch
+  pkm diagnose robot.toml --recording A.csv --controller controller.toml")]
 pub(crate) struct Args {
     /// The robot as it is believed to be: a robot.toml, or the name of a shipped robot.
     robot: PathBuf,
@@ -38,6 +39,9 @@ pub(crate) struct Args {
     /// Write the refined robot here instead of beside the JSON; its URDF gets the same name ending in .urdf.
     #[arg(long, value_name = "ROBOT.toml")]
     refined: Option<PathBuf>,
+    /// The controller.toml that the recordings were made with: it is replayed on them first, and a recorded command that is not its is named.
+    #[arg(long, value_name = "controller.toml")]
+    controller: Option<PathBuf>,
     #[command(flatten)]
     settings: SettingsArgs,
     /// Topic of the joint states, where an MCAP file has several.
@@ -59,11 +63,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     check::must_assemble(&description.robot.model, &file)?;
     let train = read_recordings(&args.recordings, args.topic.as_deref())?;
     let holdout = read_recordings(&args.holdouts, args.topic.as_deref())?;
+    if let Some(path) = &args.controller {
+        // Refused here and not once per recording.
+        pkm_ctrl::config::load(path, &description.robot)?;
+    }
     let targets = Targets::of(args)?;
     let urdf = args.robot.with_file_name(&description.spec.urdf);
-    let inputs: Vec<&Path> = args.recordings.iter().chain(&args.holdouts).chain([&args.robot, &urdf]).map(PathBuf::as_path).collect();
+    let inputs: Vec<&Path> =
+        args.recordings.iter().chain(&args.holdouts).chain([&args.robot, &urdf]).chain(&args.controller).map(PathBuf::as_path).collect();
     let outputs = Outputs::reserve(&targets.all(), &inputs)?;
-    let subject = Subject { description: &description, file: &file };
+    let controller = args.controller.as_deref().map_or(Stated::Nothing, Stated::File);
+    let subject = Subject { description: &description, file: &file, controller };
     let mut diagnosis = run_engine(&subject, &train, &holdout, &args.settings.settings(), args.quiet)?;
     targets.publish(&mut diagnosis, &description, outputs)?;
     if !args.quiet {
