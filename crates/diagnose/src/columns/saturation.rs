@@ -8,11 +8,12 @@ use pkm_ident::filter::LowPass;
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
 use crate::motion::Motion;
 
-/// Limits to try, as shares of the largest recorded effort.
+/// Limits to try, as shares of the largest recorded effort, and of the largest effort of the model: behind a limit, integrators and errors
+/// can wind a command up to many times what acts.
 const SHARES: [f64; 9] = [0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.65, 0.6, 0.5];
 
 /// Share of samples that must lie beyond a limit for it to be seen, and share beyond which it would be no limit but a way of life.
-const BEYOND: core::ops::Range<f64> = 0.005..0.3;
+const BEYOND: core::ops::Range<f64> = 0.005..0.5;
 
 /// How far from one the coefficient may be: the limit itself is known to the distance of its neighbours only.
 const NEAR_ONE: f64 = 0.3;
@@ -46,7 +47,11 @@ impl Columns for Effect {
                 let excess = local(k, move |m, k| commanded(m, k).iter().map(|t| t - t.clamp(-limit, limit)).collect());
                 Shape::free(vec![excess]).with(vec![limit])
             };
-            let shapes: Vec<Shape> = SHARES.iter().map(|s| s * top).filter(is_reached).map(shape).collect();
+            let acting = ctx.motions.iter().flat_map(|m| &m.nominal[0][k]).fold(0.0_f64, |top, t| top.max(t.abs()));
+            // Where both tops are alike, the model's shares would be the recorded one's over again.
+            let is_wound_up = top > 1.5 * acting;
+            let bases = core::iter::once(top).chain(is_wound_up.then_some(1.05 * acting));
+            let shapes: Vec<Shape> = bases.flat_map(|b| SHARES.map(|s| s * b)).filter(is_reached).map(shape).collect();
             if !shapes.is_empty() {
                 out.push(Proposal::at_drive(ctx, k, shapes));
             }
