@@ -7,7 +7,7 @@ use pkm_dyn::model::JointKind;
 use pkm_ident::Recording;
 use pkm_ident::grid::GAP_PERIODS;
 
-/// A step of a channel this many times larger than 99 % of its steps is no motion.
+/// A step of a channel this many times larger than 95 % of its steps is no motion.
 const NO_MOTION: f64 = 20.0;
 
 /// Spikes in more than this share of the samples are a channel that cannot be trusted.
@@ -162,7 +162,7 @@ impl Channel<'_> {
             let (before, after) = (w[1] - w[0], w[1] - w[2]);
             if before * after > 0.0 { before.abs().min(after.abs()) } else { 0.0 }
         };
-        let usual = quantile(self.steps(), 0.99);
+        let usual = quantile(self.steps(), 0.95);
         let at: Vec<usize> =
             self.x.windows(3).enumerate().filter(|(_, w)| away(w) > NO_MOTION * usual && usual > 0.0).map(|(i, _)| i + 1).collect();
         let Some(&first) = at.first() else { return };
@@ -178,7 +178,7 @@ impl Channel<'_> {
 
     /// A step that stays: counts were lost. Where a stuck channel catches up, none were.
     fn jumps(&self, out: &mut Integrity) {
-        let usual = quantile(self.steps(), 0.99);
+        let usual = quantile(self.steps(), 0.95);
         let x = self.x;
         let was_stuck: Vec<usize> = out.spoiled.iter().filter(|(c, _)| c == self.column).flat_map(|(_, at)| at.clone()).collect();
         let stays = |i: &usize| {
@@ -190,7 +190,7 @@ impl Channel<'_> {
         if let Some(i) = (0..x.len() - 1).find(|i| usual > 0.0 && stays(i) && !was_stuck.contains(i)) {
             let (t, step) = (self.recording.time[i + 1], x[i + 1] - x[i]);
             out.reasons.push(format!(
-                "{}: {} jumps by {step:.4} {} at t = {t} s, where 99 % of its steps are below {usual:.2e}",
+                "{}: {} jumps by {step:.4} {} at t = {t} s, where 95 % of its steps are below {usual:.2e}",
                 self.recording.name, self.column, self.unit
             ));
         }
@@ -341,7 +341,9 @@ mod tests {
 
     #[test]
     fn time_that_runs_back_is_a_reason() {
-        let robot = Robot::new(pkm_dyn::model::ModelBuilder::new("none", [0.0; 3]).build().unwrap_or_else(|e| panic!("{e:?}")), Vec::new());
+        let mut builder = pkm_dyn::model::ModelBuilder::new("none", [0.0; 3]);
+        builder.link("base", pkm_dyn::parameters::InertialParameters::default());
+        let robot = Robot::new(builder.build().expect("a robot of one link"), Vec::new());
         let recording = Recording { name: "A".to_string(), time: vec![0.0, 0.1, 0.05], ..Recording::default() };
         assert!(integrity(&robot, &recording).reasons[0].contains("sample 2"));
     }

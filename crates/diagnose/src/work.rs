@@ -14,6 +14,9 @@ use crate::screen;
 use crate::settings::SOFTNESS;
 use crate::solve::Over;
 
+/// Positions are known this much better than efforts: what is worth a name there is smaller by this share.
+const POSITION_WORTH: f64 = 0.1;
+
 /// A shape with its columns in the design.
 #[derive(Debug, Clone)]
 pub(crate) struct Variant {
@@ -139,7 +142,8 @@ impl<'w> Work<'w> {
     fn effort_power(&self) -> Vec<f64> {
         let cross = self.gram.cross(&self.design, &vec![self.measured()]);
         let folds = &cross.yy[..self.gram.n_folds];
-        (0..self.design.n_joints).map(|j| folds.iter().map(|f| f[j][0]).sum()).collect()
+        let worth = |j: usize| if j < self.design.n_drives { 1.0 } else { POSITION_WORTH * POSITION_WORTH };
+        (0..self.design.n_joints).map(|j| worth(j) * folds.iter().map(|f| f[j][0]).sum::<f64>()).collect()
     }
 
     fn measured(&self) -> Vec<Vec<Vec<f64>>> {
