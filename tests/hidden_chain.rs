@@ -51,8 +51,10 @@ fn line(d: &Diagnosis) -> String {
         format!("{}@{} [{}] ~ {{{}}}", f.effect, f.place.join(","), numbers.join(" "), same.join(" "))
     };
     let found: Vec<String> = d.verdict.findings.iter().map(finding).collect();
+    let out = |s: &pkm_diagnose::evidence::Screened| format!("{}@{}: {}", s.effect, s.place.join(","), s.why_not);
+    let ruled_out: Vec<String> = d.evidence.ruled_out.iter().take(4).map(out).collect();
     let h = &d.verdict.heldout;
-    format!("{} | as given {:.4}, refined {:.4}", found.join("; "), h.rms_nominal, h.rms_final)
+    format!("{} | as given {:.4}, refined {:.4} | not: {}", found.join("; "), h.rms_nominal, h.rms_final, ruled_out.join("; "))
 }
 
 /// Whether the effect is named at its place, or cannot be told from a finding.

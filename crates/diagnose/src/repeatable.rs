@@ -244,7 +244,7 @@ fn places(work: &Work, scatter: &Scatter) -> Vec<(usize, f64, f64)> {
     let mut out: Vec<(usize, f64, f64)> = each.map(|(link, s)| (link, math::sqrt(s[0] / s[3]), s[1] / s[2])).collect();
     let best = out.iter().map(|o| o.2).fold(f64::INFINITY, f64::min);
     // Among those that do as well as the best, the last link comes first: people hold on to the end of a robot.
-    out.sort_by(|a, b| (a.2 >= best + AS_WELL).cmp(&(b.2 >= best + AS_WELL)));
+    out.sort_by_key(|o| o.2 >= best + AS_WELL);
     out
 }
 

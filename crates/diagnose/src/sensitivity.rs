@@ -117,8 +117,8 @@ impl Knots {
                     1 => rate,
                     _ => mass,
                 };
-                for k in 0..n {
-                    table[j][k].push((data.tau_act[k] - here.effort[k]) / step);
+                for (k, series) in table[j].iter_mut().enumerate() {
+                    series.push((data.tau_act[k] - here.effort[k]) / step);
                 }
                 data.q.copy_from_slice(&home);
             }
