@@ -6,7 +6,9 @@ use pkm_dyn::{Model, math};
 
 use crate::alternatives::{alternatives, chain_rivals};
 use crate::columns::Family;
+use crate::commands;
 use crate::contest::reading;
+use crate::controller::Replayed;
 use crate::design::View;
 use crate::detectable::{detectable, left_power};
 use crate::evidence::{ChainStep, Diagnosis, Evidence, Screened};
@@ -17,6 +19,7 @@ use crate::leftover::{Views, unexplained};
 use crate::rank::{Step, rank};
 use crate::refine::{Parameters, container, refine};
 use crate::regimes;
+use crate::repeatable::look_for_a_person;
 use crate::search::Search;
 use crate::settings::{PRIORS, Settings};
 use crate::variety::different_motions;
@@ -41,8 +44,14 @@ struct Final {
 }
 
 /// Writes the verdict on the picks in `work`.
-pub(crate) fn assemble(work: &mut Work, found: &Search, bare: &Model, band: f64, settings: &Settings) -> Diagnosis {
-    let nominal = left_as_given(work, View::Judge);
+pub(crate) fn assemble(
+    work: &mut Work,
+    found: &Search,
+    (bare, mismatches): (&Model, &[Replayed]),
+    band: f64,
+    settings: &Settings,
+) -> Diagnosis {
+    let nominal = left_as_given(work, &work.missing, View::Judge);
     let mut steps = rank(work, band);
     let order: Vec<usize> = steps.iter().filter_map(|s| s.pick).collect();
     let late = chain_rivals(work, band);
@@ -52,14 +61,18 @@ pub(crate) fn assemble(work: &mut Work, found: &Search, bare: &Model, band: f64,
     if let Some(last) = steps.last_mut().filter(|s| s.pick.is_some()) {
         last.heldout = pooled(&errors(work, &fin.left));
     }
-    let mut findings = order.iter().enumerate().map(|(r, &pick)| finding(work, &fin, &steps, (r, pick), settings)).collect::<Vec<_>>();
-    for (f, &pick) in findings.iter_mut().zip(&order) {
+    let mut findings = commands::findings(work, mismatches, settings);
+    let first = findings.len();
+    findings.extend(order.iter().enumerate().map(|(r, &pick)| finding(work, &fin, &steps, (r, pick), settings)));
+    findings.iter_mut().enumerate().skip(first).for_each(|(r, f)| f.rank = r + 1);
+    for (f, &pick) in findings[first..].iter_mut().zip(&order) {
         let gains = priors::gains(work, pick, settings);
         f.says += &priors::sentence(&gains, settings.floor);
         f.depends_on_prior = Some(gains);
     }
-    experiments::propose(work, &mut findings, band);
-    let refined = refine(work, bare, &fin.readings);
+    experiments::propose(work, &mut findings[first..], band);
+    let mut refined = refine(work, bare, &fin.readings);
+    commands::refine(&mut refined, work, mismatches);
     let heldout = heldout(work, &nominal, &fin.left, band);
     let moving = work.residual(&fin.fit.ids, &fin.fit.theta, work.softness, View::Fit);
     let views = Views { nominal: &nominal, left: &fin.left, moving: &moving };
@@ -69,7 +82,7 @@ pub(crate) fn assemble(work: &mut Work, found: &Search, bare: &Model, band: f64,
     let unexplained = leftover.verdict;
     let (minimum_detectable, invisible) = detectable(work, &left_power(work, &moving), settings);
     let nothing_missing = findings.is_empty() && !unexplained.present;
-    let verdict = Verdict {
+    let mut verdict = Verdict {
         schema: SCHEMA.to_string(),
         status: Status::Ok,
         robot: work.robot.model.name.clone(),
@@ -86,6 +99,7 @@ pub(crate) fn assemble(work: &mut Work, found: &Search, bare: &Model, band: f64,
         refined_model: String::new(),
         notes: notes(work, fin.motions),
     };
+    look_for_a_person(work, &fin.left, (&mut verdict, &mut refined), settings);
     Diagnosis { verdict, evidence, refined: Some(refined) }
 }
 
@@ -120,7 +134,7 @@ fn finish(work: &Work) -> Final {
 }
 
 /// Parameters that are chosen from a list of shapes.
-const TRIED: [&str; 4] = ["stribeck_velocity", "order", "exponent", "position"];
+const TRIED: [&str; 5] = ["stribeck_velocity", "order", "exponent", "position", "limit"];
 
 /// Interval of a value that was chosen from a list and not fitted: halfway to the neighbours that were tried and did worse.
 fn tried_interval(work: &Work, pick: usize, value: f64) -> Option<[f64; 2]> {
@@ -222,7 +236,7 @@ fn heldout(work: &Work, nominal: &Left, left: &Left, band: f64) -> Heldout {
     let refit_left = work.residual(&refit.ids, &refit.theta, work.softness, View::Judge);
     let [n, r, f] = [nominal, &refit_left, left].map(|l| errors(work, l));
     let model = &work.robot.model;
-    let joints = (0..work.design.n_joints)
+    let joints = (0..work.design.n_drives)
         .map(|j| {
             let joint = &model.joints[model.actuators[j]];
             HeldoutJoint {

@@ -144,7 +144,7 @@ fn signals(work: &Work) -> Vec<(String, Vec<Vec<f64>>)> {
 
 /// Per joint what its leftover depends on, strongest first. `left` is [joint][segment][row], as fits see it.
 pub(crate) fn dependences(work: &Work, left: &[Vec<Vec<f64>>], settings: &Settings) -> Vec<Vec<Depends>> {
-    let tables: Vec<Table> = (0..work.design.n_joints).map(|j| Table::new(work, j)).collect();
+    let tables: Vec<Table> = (0..work.design.n_drives).map(|j| Table::new(work, j)).collect();
     let gains = |left: &[Vec<Vec<f64>>]| -> Vec<Vec<f64>> { tables.iter().zip(left).map(|(t, l)| t.gains(l)).collect() };
     let real = gains(left);
     let null: Vec<Vec<Vec<f64>>> = surrogates(work, left, settings).par_iter().map(|run| gains(run)).collect();

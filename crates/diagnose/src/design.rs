@@ -49,7 +49,10 @@ pub(crate) enum View {
 /// Everything of the regression that does not depend on which columns are chosen.
 #[derive(Debug)]
 pub(crate) struct Design {
+    /// Drives, then other positions that are measured: everything with rows of its own.
     pub(crate) n_joints: usize,
+    /// Drives alone.
+    pub(crate) n_drives: usize,
     pub(crate) n_folds: usize,
     pub(crate) fine: Vec<FineGrid>,
     pub(crate) rows: Vec<Rows>,
@@ -75,19 +78,26 @@ pub(crate) type Series = Vec<(usize, Vec<f64>)>;
 impl Design {
     /// Rows, folds and measured efforts; columns come with [`Design::push`].
     pub(crate) fn new(robot: &Robot, motions: &[Motion], band: f64) -> Self {
-        let n_joints = robot.model.n_act();
+        let n_drives = robot.model.n_act();
+        let n_joints = n_drives + motions.first().map_or(0, |m| m.channels.len());
         let fine: Vec<FineGrid> = motions.iter().map(|m| FineGrid::new(m.segment.dt, band)).collect();
         let (folds, n_folds) = folds(motions);
         let still: Vec<Vec<Vec<bool>>> = motions.iter().map(|m| standstill(m, band)).collect();
         let rows = (0..motions.len()).map(|s| rows(&motions[s], &fine[s], &folds[s], &still[s])).collect();
-        let pair = |k: usize, of: &dyn Fn(&Motion) -> &Vec<f64>| {
-            let each = |s: usize| (fine[s].fine(of(&motions[s])), fine[s].fine_cut(of(&motions[s]), &still[s][k]));
+        let pair = |k: usize, of: &dyn Fn(&Motion) -> Vec<f64>| {
+            let each = |s: usize| {
+                let x = of(&motions[s]);
+                (fine[s].fine(&x), fine[s].fine_cut(&x, &still[s][k]))
+            };
             let (plain, cut) = (0..motions.len()).map(each).unzip();
             Pair { plain, cut }
         };
-        let measured = (0..n_joints).map(|k| pair(k, &|m| &m.segment.tau[k])).collect();
-        let nominal = (0..SOFTNESS.len()).map(|w| (0..n_joints).map(|k| pair(k, &|m| &m.nominal[w][k])).collect()).collect();
-        let given_chain: Vec<Chain> = robot
+        let channel = |m: &Motion, k: usize, which: usize| m.channels[k - n_drives].rows(&m.segment.valid)[which].clone();
+        let measured =
+            (0..n_joints).map(|k| pair(k, &|m| if k < n_drives { m.segment.tau[k].clone() } else { channel(m, k, 0) })).collect();
+        let nominal = |w: usize, k: usize| pair(k, &|m| if k < n_drives { m.nominal[w][k].clone() } else { channel(m, k, 1) });
+        let nominal = (0..SOFTNESS.len()).map(|w| (0..n_joints).map(|k| nominal(w, k)).collect()).collect();
+        let mut given_chain: Vec<Chain> = robot
             .model
             .actuators
             .iter()
@@ -96,8 +106,10 @@ impl Design {
                 delay: robot.chain(j, |law| matches!(law, Law::EffortDelay)).sum(),
             })
             .collect();
+        given_chain.resize(n_joints, Chain::default());
         Self {
             n_joints,
+            n_drives,
             n_folds,
             fine,
             rows,

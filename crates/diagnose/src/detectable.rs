@@ -55,7 +55,8 @@ pub(crate) fn detectable(work: &Work, power: &[Power], settings: &Settings) -> (
             let why = "its columns are zero along these motions, or friction, offsets and inertias of the model imitate them wholly";
             unseen.push(Invisible { effect: c.effect_name().to_string(), place: vec![c.name.clone()], why: why.to_string() });
         }
-        out.extend(sizes.into_iter().map(|(parameter, size)| entry(work, c, parameter, size)));
+        let as_parameter = |(name, size): (&'static str, f64)| c.effect.smallest(size).filter(|v| v.is_finite()).map(|v| (name, v));
+        out.extend(sizes.into_iter().filter_map(as_parameter).map(|(parameter, value)| entry(work, c, parameter, value)));
     }
     (out, unseen)
 }
@@ -74,7 +75,7 @@ fn size(work: &Work, c: &Candidate, strength: f64, power: &[Power], settings: &S
 
 fn entry(work: &Work, c: &Candidate, parameter: &'static str, value: f64) -> Detectable {
     let entry = c.effect.entry();
-    let kind = match entry.place.site() {
+    let kind = match c.site {
         Site::Joint => work.robot.model.joints[c.place].kind,
         _ => JointKind::Prismatic,
     };
@@ -83,7 +84,7 @@ fn entry(work: &Work, c: &Candidate, parameter: &'static str, value: f64) -> Det
     let says = format!("{} at {}: less than {}{shown} of {parameter} cannot be seen", c.effect_name(), c.name, two_digits(value));
     Detectable {
         effect: c.effect_name().to_string(),
-        place: vec![c.name.clone()],
+        place: c.places(&work.robot.model),
         parameter: parameter.to_string(),
         value,
         unit: unit.to_string(),

@@ -1,15 +1,18 @@
 //! The whole diagnosis: gate, search, confirmation, and the verdict with everything that stands behind it.
 
+use pkm_dyn::effects::Robot;
 use pkm_dyn::urdf::Description;
 use pkm_ident::Recording;
 
 use crate::assemble::assemble;
+use crate::controller::{ControllerTwin, Replayed, replay};
 use crate::error::InputError;
 use crate::evidence::Diagnosis;
+use crate::integrity::{Integrity, integrity};
 use crate::settings::Settings;
 use crate::verdict::Use;
 use crate::work::Work;
-use crate::{motion, search, segment};
+use crate::{gate, motion, search, segment};
 
 /// Finds the physics that the robot's files leave out of what the recordings show.
 ///
@@ -25,29 +28,95 @@ pub fn diagnose(
     settings: &Settings,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Diagnosis, InputError> {
+    diagnose_with_controller(description, (train, holdout), settings, None, progress)
+}
+
+/// As [`diagnose`] for recordings that a stated controller made, the first of `recordings` fitted and the second held out: before anything
+/// else the controller is replayed on them, and a recorded command that is not the controller's is named.
+///
+/// # Errors
+/// As [`diagnose`].
+pub fn diagnose_with_controller(
+    description: &Description,
+    recordings: (&[Recording], &[Recording]),
+    settings: &Settings,
+    controller: Option<&mut dyn ControllerTwin>,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Diagnosis, InputError> {
+    let (train, holdout) = recordings;
     let robot = &description.robot;
     let first = if holdout.is_empty() { Use::Both } else { Use::Train };
     let all: Vec<(&Recording, Use)> = train.iter().map(|r| (r, first)).chain(holdout.iter().map(|r| (r, Use::Holdout))).collect();
     if train.is_empty() {
         return Err(InputError::NoRecording);
     }
+    let seen: Vec<Integrity> = all.iter().map(|(r, _)| integrity(robot, r)).collect();
+    let mut notes: Vec<String> = seen.iter().flat_map(|s| s.notes.clone()).collect();
+    let reasons: Vec<String> = seen.iter().flat_map(|s| s.reasons.clone()).collect();
+    if !reasons.is_empty() {
+        return Ok(gate::unusable(robot, &all, &reasons, notes));
+    }
+    let mut cleaned: Vec<Recording> = all.iter().zip(&seen).map(|((r, _), s)| s.cleaned(r)).collect();
+    let mismatches = controller.map_or_else(Vec::new, |twin| mismatches(robot, twin, &mut cleaned, &mut notes));
+    let all: Vec<(&Recording, Use)> = cleaned.iter().zip(&all).map(|(r, (_, used))| (r, *used)).collect();
     let (segments, band) = segment::segments(robot, &all, settings.band_hz)?;
     let n = segments.len();
     let mut motions = Vec::with_capacity(n);
     for (i, s) in segments.into_iter().enumerate() {
-        motions.push(motion::motion(robot, s)?);
+        match motion::motion(robot, s) {
+            Ok(m) => motions.push(m),
+            Err(open @ InputError::Open { .. }) => {
+                let Some(reason) = gate::other_unit(robot, &all) else { return Err(open) };
+                return Ok(gate::unusable(robot, &all, &[reason], notes));
+            }
+            Err(other) => return Err(other),
+        }
         progress(0.2 * (i + 1) as f64 / n as f64);
     }
-    if let Some(reasons) = crate::gate::reasons(robot, &motions) {
-        return Ok(crate::gate::unusable(robot, &motions, reasons));
+    let reasons = [gate::reasons(robot, &motions), gate::clocks(robot, &motions)].concat();
+    if !reasons.is_empty() {
+        return Ok(gate::unusable(robot, &all, &reasons, notes));
     }
     let mut work = Work::new(robot, &motions, band);
     if let Some(reasons) = crate::enough::reasons(&work.design, band) {
-        return Ok(crate::gate::unusable(robot, &motions, reasons));
+        return Ok(gate::unusable(robot, &all, &reasons, notes));
+    }
+    for m in mismatches.iter().filter(|m| m.is_scaled()) {
+        work.missing[m.drive] = m.share;
     }
     progress(0.3);
     let found = search::search(&mut work, band, settings, progress);
-    let out = assemble(&mut work, &found, &description.bare, band, settings);
+    let mut out = assemble(&mut work, &found, (&description.bare, &mismatches), band, settings);
+    notes.append(&mut out.verdict.notes);
+    out.verdict.notes = notes;
     progress(1.0);
     Ok(out)
+}
+
+/// Drives whose recorded command is not the controller's. Where a factor is all that lies between the two, the recordings get the
+/// controller's: that is what acted.
+fn mismatches(robot: &Robot, twin: &mut dyn ControllerTwin, recordings: &mut [Recording], notes: &mut Vec<String>) -> Vec<Replayed> {
+    let (mut all, problems) = replay(robot, twin, recordings);
+    notes.extend(problems);
+    all.retain(Replayed::is_mismatch);
+    for m in &all {
+        let (joint, percent) = (&m.joint, 100.0 * m.share);
+        notes.push(if m.is_scaled() {
+            format!(
+                "tau.{joint} is {:.1} % of what the stated controller computes; what it computes is taken for what acted",
+                100.0 - percent
+            )
+        } else {
+            format!(
+                "tau.{joint} is not what the stated controller computes (correlation {:.2}): its gains, filters or references are others",
+                m.correlation
+            )
+        });
+        for r in recordings.iter_mut().filter(|_| m.is_scaled()) {
+            if let Some(tau) = r.signals.get_mut(&format!("tau.{joint}")) {
+                tau.iter_mut().for_each(|t| *t /= 1.0 - m.share);
+            }
+        }
+    }
+    all
 }

@@ -72,7 +72,7 @@ pub(crate) struct JointError {
 
 /// Errors per joint of what is left, over held-out rows, standstill included.
 pub(crate) fn errors(work: &Work, left: &[Vec<Vec<f64>>]) -> Vec<JointError> {
-    (0..work.design.n_joints)
+    (0..work.design.n_drives)
         .map(|j| {
             let (mut e2, mut y2, mut n) = (0.0, 0.0, 0_usize);
             for (s, rows) in work.design.rows.iter().enumerate() {
@@ -98,13 +98,20 @@ pub(crate) fn pooled(errors: &[JointError]) -> f64 {
     math::sqrt(sum / n.max(1) as f64)
 }
 
-/// What the model as given leaves, its own chain included: [joint][segment][row].
-pub(crate) fn left_as_given(work: &Work, view: View) -> Vec<Vec<Vec<f64>>> {
+/// What the model as given leaves, its own chain included: [joint][segment][row]. Where the recorded command lacked a share of the
+/// controller's that is `missing`, the model's effort is too large by it for the recording as it was.
+pub(crate) fn left_as_given(work: &Work, missing: &[f64], view: View) -> Vec<Vec<Vec<f64>>> {
     let d = &work.design;
     (0..d.n_joints)
         .map(|j| {
             (0..d.rows.len())
-                .map(|s| d.measured_rows(j, s, view).iter().zip(d.as_given_rows(work.softness, j, s, view)).map(|(y, m)| y - m).collect())
+                .map(|s| {
+                    d.measured_rows(j, s, view)
+                        .iter()
+                        .zip(d.as_given_rows(work.softness, j, s, view))
+                        .map(|(y, m)| y - m / (1.0 - missing.get(j).copied().unwrap_or(0.0)))
+                        .collect()
+                })
                 .collect()
         })
         .collect()

@@ -39,7 +39,7 @@ pub(crate) fn unexplained(work: &Work, views: &Views, last: &[Contest], settings
     let depends = dependences(work, views.moving, settings);
     let mut places = Vec::new();
     let (mut sum_before, mut sum_after) = (0.0, 0.0);
-    for j in 0..work.design.n_joints {
+    for j in 0..work.design.n_drives {
         let noise = white_power(&work.design.rows, &views.left[j]);
         let power = |e: &JointError| (e.error * e.error - noise).max(0.0);
         if after[j].effort > 0.0 {

@@ -2,14 +2,18 @@
 
 use pkm_dyn::effects::Robot;
 use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, rigid_effort};
+use pkm_dyn::jacobian::{Reference, frame_jacobian};
 use pkm_dyn::loops;
+use pkm_dyn::model::FrameOnBody;
 use pkm_dyn::parameters::{InertialParameters, N_INERTIAL};
 use pkm_dyn::{Data, Model, math};
 
+use crate::channels::{self, Channel};
 use crate::error::InputError;
 use crate::held::{Held, followed};
-use crate::nominal::nominal;
+use crate::nominal;
 use crate::segment::Segment;
+use crate::sensitivity::{Here, Knots, Sensitivity};
 use crate::settings::SOFTNESS;
 
 /// A passive joint along a segment.
@@ -35,8 +39,18 @@ pub(crate) struct Motion {
     pub(crate) link_columns: Vec<Vec<Vec<f64>>>,
     /// Effort per radian of base roll and pitch: [axis][drive][sample].
     pub(crate) tilt: [Vec<Vec<f64>>; 2],
-    /// Change of the rigid effort per unit of position offset of each drive: [offset drive][drive][sample].
-    pub(crate) offset: Vec<Vec<Vec<f64>>>,
+    /// Change of the rigid effort with positions, speeds, accelerations and lengths.
+    pub(crate) sensitivity: Sensitivity,
+    /// Effort per unit of acceleration of the ground along each axis of the root: [axis][drive][sample].
+    pub(crate) shaken: [Vec<Vec<f64>>; 3],
+    /// Force of the ground on the robot along each axis of the root `[N]`.
+    pub(crate) reaction: [Vec<f64>; 3],
+    /// Effort that passes through each drive's transmission, friction on the load's side included, the rotor's own inertia not.
+    pub(crate) transmitted: Vec<Vec<f64>>,
+    /// Positions measured besides those of the drives.
+    pub(crate) channels: Vec<Channel>,
+    /// Rotor inertia of each drive `[kg | kg·m²]`.
+    pub(crate) rotor: Vec<f64>,
     /// Passive joints, in the order of `Data::passive`.
     pub(crate) passive: Vec<Passive>,
     /// Their numbers in the tree.
@@ -59,10 +73,6 @@ pub(crate) fn soft_sign(v: f64, width: f64) -> f64 {
     let length = math::sqrt(v * v + width * width);
     if length > 0.0 { v / length } else { 0.0 }
 }
-
-/// Step of the finite difference that gives the effect of a position offset `[m | rad]`: small against any geometry, large against
-/// Newton's tolerance.
-const OFFSET_STEP: f64 = 1e-5;
 
 /// A series that stays below this share of the largest of its unit is rounding: efforts that matter are nine digits above it.
 const ROUNDING: f64 = 1e-12;
@@ -90,7 +100,22 @@ pub(crate) fn motion(robot: &Robot, segment: Segment) -> Result<Motion, InputErr
         rigid: zeros(),
         link_columns: vec![zeros(); links.len() * N_INERTIAL],
         tilt: [zeros(), zeros()],
-        offset: vec![zeros(); na],
+        sensitivity: Sensitivity::default(),
+        shaken: [zeros(), zeros(), zeros()],
+        reaction: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
+        transmitted: zeros(),
+        channels: segment
+            .channels
+            .iter()
+            .map(|(kind, measured)| Channel {
+                kind: *kind,
+                measured: measured.clone(),
+                nominal: vec![0.0; n],
+                by_drive: Vec::new(),
+                by_length: Vec::new(),
+            })
+            .collect(),
+        rotor: model.actuators.iter().map(|&j| model.joints[j].armature).collect(),
         passive,
         dependent: data.dependent.clone(),
         held: followed(robot).into_iter().map(|l| Held::new(l, na, n)).collect(),
@@ -100,7 +125,7 @@ pub(crate) fn motion(robot: &Robot, segment: Segment) -> Result<Motion, InputErr
     let mut pass = Pass { model, data, links, out };
     pass.run()?;
     let mut out = pass.out;
-    out.nominal = nominal(robot, &out);
+    nominal::fill(robot, &mut out);
     Ok(out)
 }
 
@@ -130,6 +155,9 @@ impl Pass {
             .map(|&l| (self.model.links[l].body.unwrap_or(0), InertialParameters::transform_matrix(&self.model.links[l].pose)))
             .collect();
         let (mut q, mut v, mut a) = (vec![0.0; na], vec![0.0; na], vec![0.0; na]);
+        let mut spared = vec![vec![0.0; n]; na];
+        let kinds = self.out.channels.iter().map(|c| c.kind).collect();
+        let mut knots = Knots::new(&self.model, kinds, (n, self.out.segment.dt), self.out.segment.band);
         let closure = loops::assemble(&self.model, &mut self.data);
         self.check(&closure, 0)?;
         for i in 0..n {
@@ -147,8 +175,25 @@ impl Pass {
             for held in &mut self.out.held {
                 held.store(&self.model, &mut self.data, i);
             }
-            self.tilt(i);
-            self.offsets(i, &q, &v, &a)?;
+            self.ground(i);
+            self.measured_wrenches(i, &mut spared);
+            for c in &mut self.out.channels {
+                c.nominal[i] = channels::value(&self.model, &self.data, c.kind, &q);
+            }
+            if knots.is_knot(i) {
+                let effort: Vec<f64> = self.out.rigid.iter().map(|r| r[i]).collect();
+                let here = Here { q: &q, v: &v, a: &a, effort: &effort };
+                knots.take(&self.model, &mut self.data, &here).or_else(|closure| self.check(&closure, i))?;
+            }
+        }
+        let (sensitivity, of_channels) = knots.finish();
+        self.out.sensitivity = sensitivity;
+        for (c, [by_drive, by_length]) in self.out.channels.iter_mut().zip(of_channels) {
+            (c.by_drive, c.by_length) = (by_drive, by_length);
+            c.unwrap_turns();
+        }
+        for (rigid, spared) in self.out.rigid.iter_mut().flatten().zip(spared.iter().flatten()) {
+            *rigid -= spared;
         }
         self.clear_rounding();
         Ok(())
@@ -207,33 +252,44 @@ impl Pass {
         }
     }
 
-    /// Weight is linear in gravity: a small tilt adds the weight under the turned part of gravity.
-    fn tilt(&mut self, i: usize) {
+    /// Weight is linear in gravity: a small tilt adds the weight under the turned part of gravity, and ground that is accelerated one way
+    /// is gravity the other way.
+    fn ground(&mut self, i: usize) {
+        // The wrenches of the bodies are still those of the motion; what the root's own joints carry, the ground does.
+        let roots = self.model.joints.iter().enumerate().filter(|(_, j)| j.parent.is_none());
+        let carried = roots.fold(nalgebra::Vector3::zeros(), |sum, (b, _)| sum + self.data.force_w[b].linear);
         let g = self.model.gravity;
+        for axis in 0..3 {
+            self.out.reaction[axis][i] = carried[axis];
+            let mut up = nalgebra::Vector3::zeros();
+            up[axis] = -1.0;
+            for (k, e) in weight(&self.model, &mut self.data, up).into_iter().enumerate() {
+                self.out.shaken[axis][k][i] = e;
+            }
+        }
         // Gravity seen from a base turned by +roll or +pitch turns the other way.
         let turned = [nalgebra::Vector3::new(0.0, g.z, -g.y), nalgebra::Vector3::new(-g.z, 0.0, g.x)];
         for (axis, part) in turned.into_iter().enumerate() {
-            let effort = weight(&self.model, &mut self.data, part);
-            for (k, e) in effort.into_iter().enumerate() {
-                self.out.tilt[axis][k][i] = e;
+            for k in 0..self.model.n_act() {
+                self.out.tilt[axis][k][i] = -(0..3).map(|c| part[c] * self.out.shaken[c][k][i]).sum::<f64>();
             }
         }
     }
 
-    fn offsets(&mut self, i: usize, q: &[f64], v: &[f64], a: &[f64]) -> Result<(), InputError> {
-        let home = self.data.q.clone();
-        for j in 0..q.len() {
-            let mut moved = q.to_vec();
-            moved[j] += OFFSET_STEP;
-            let closure = closed_loop_motion(&self.model, &mut self.data, &moved, v, a);
-            self.check(&closure, i)?;
-            rigid_effort(&self.model, &mut self.data);
-            for k in 0..q.len() {
-                self.out.offset[j][k][i] = (self.data.tau_act[k] - self.out.rigid[k][i]) / OFFSET_STEP;
+    /// Effort that the drives are spared by what the environment was measured to do: `Jᵀ·w`, seen from the drives.
+    fn measured_wrenches(&mut self, i: usize, spared: &mut [Vec<f64>]) {
+        for w in &self.out.segment.wrenches {
+            let sensor = &self.model.sensors[w.sensor];
+            let link = &self.model.links[sensor.link];
+            let frame = FrameOnBody { body: link.body, pose: link.pose.compose(&sensor.pose) };
+            let jacobian = frame_jacobian(&self.model, &mut self.data, &frame, Reference::Local).clone();
+            for (k, spared) in spared.iter_mut().enumerate() {
+                for (row, component) in w.components.iter().enumerate() {
+                    let moved: f64 = (0..self.model.nv()).map(|j| jacobian[(row, j)] * self.data.reduction[(j, k)]).sum();
+                    spared[i] += moved * component[i];
+                }
             }
-            self.data.q.copy_from_slice(&home);
         }
-        Ok(())
     }
 }
 

@@ -1,10 +1,11 @@
 //! The effort of the model as given along a segment: rigid bodies, nominal friction, effects that the robot file already has.
 
-use pkm_dyn::effects::{Applied, JointState, Law, LinkState, Memory, Robot, Site};
+use pkm_dyn::effects::{Applied, JointState, Law, LinkState, Memory, Robot, Site, Transmission};
 use pkm_dyn::math;
 
 use crate::held::Held;
 use crate::motion::{Motion, soft_sign, softness_widths};
+use crate::shift;
 
 /// A tree joint along a segment.
 struct Track<'m> {
@@ -17,9 +18,50 @@ struct Track<'m> {
     warmth: &'m [f64],
 }
 
-/// Effort at each drive per softness of directions, as the drive's recorded effort has it: [softness][drive][sample].
-pub(crate) fn nominal(robot: &Robot, motion: &Motion) -> Vec<Vec<Vec<f64>>> {
-    softness_widths(&robot.model, motion).iter().map(|width| at_softness(robot, motion, width)).collect()
+/// Fills in the effort at each drive per softness of directions, as the drive's recorded effort has it, what passes through the
+/// transmissions, and what other sensors would read of it.
+pub(crate) fn fill(robot: &Robot, motion: &mut Motion) {
+    motion.nominal = softness_widths(&robot.model, motion).iter().map(|width| at_softness(robot, motion, width)).collect();
+    for k in 0..robot.model.n_act() {
+        let (rotor, a) = (motion.rotor[k], &motion.segment.a[k]);
+        motion.transmitted[k] = motion.nominal[0][k].iter().zip(a).map(|(t, a)| t - rotor * a).collect();
+    }
+    give_way(robot, motion);
+    for (k, &j) in robot.model.actuators.iter().enumerate() {
+        let chain = |is: fn(&Law) -> bool| robot.chain(j, is);
+        let scale: f64 = chain(|law| matches!(law, Law::EffortScale)).product();
+        let zone: f64 = chain(|law| matches!(law, Law::EffortDeadZone)).map(|width| 0.5 * width).sum();
+        let recorded: f64 = chain(|law| matches!(law, Law::CommandShare)).map(|share| 1.0 - share).product();
+        for series in motion.nominal.iter_mut().map(|n| &mut n[k]) {
+            let sides = if zone > 0.0 { shift::side(series) } else { Vec::new() };
+            for (i, x) in series.iter_mut().enumerate() {
+                *x = recorded * (*x / scale + zone * sides.get(i).copied().unwrap_or(0.0));
+            }
+        }
+    }
+}
+
+/// Adds what the robot file's transmissions and its mounting give way by, to first order.
+fn give_way(robot: &Robot, motion: &mut Motion) {
+    let mut added: Vec<(f64, Vec<Vec<f64>>)> = Vec::new();
+    for e in &robot.effects {
+        let drive = robot.model.actuators.iter().position(|&j| e.is_at_joint(j));
+        match (e.entry.law, drive) {
+            (Law::Transmission(Transmission::Spring), Some(k)) => added.push((1.0 / e.values[0], shift::of_compliance(motion, k))),
+            (Law::Transmission(Transmission::Play), Some(k)) => added.push((e.values[0], shift::of_play(motion, k))),
+            (Law::Structure, _) if robot.model.links[e.place].body.is_none() => {
+                added.push((1.0 / e.values[0], shift::of_mounting(motion)));
+            }
+            _ => {}
+        }
+    }
+    for (size, column) in added {
+        let of_channels = motion.channels.iter_mut().map(|c| &mut c.nominal).zip(&column[robot.model.n_act()..]);
+        let of_drives = motion.nominal.iter_mut().flat_map(|n| n.iter_mut().zip(&column));
+        for (x, c) in of_drives.chain(of_channels).flat_map(|(x, c)| x.iter_mut().zip(c)) {
+            *x += size * c;
+        }
+    }
 }
 
 fn at_softness(robot: &Robot, motion: &Motion, width: &[f64]) -> Vec<Vec<f64>> {
@@ -34,10 +76,6 @@ fn at_softness(robot: &Robot, motion: &Motion, width: &[f64]) -> Vec<Vec<f64>> {
     for e in robot.effects.iter().filter(|e| e.site == Site::Link) {
         let (Law::Wrench(law), Some(held)) = (e.entry.law, motion.held.iter().find(|h| h.link == e.place)) else { continue };
         push(&mut out, held, motion.segment.dt, |s| law(&e.values, s));
-    }
-    for (k, &j) in robot.model.actuators.iter().enumerate() {
-        let scale: f64 = robot.chain(j, |law| matches!(law, Law::EffortScale)).product();
-        out[k].iter_mut().for_each(|e| *e /= scale);
     }
     out
 }
@@ -155,7 +193,9 @@ mod tests {
     fn added(bench: &Bench, effect: &str, place: &str, numbers: &[(&str, f64)]) -> Vec<Vec<f64>> {
         let numbers: Vec<(String, f64)> = numbers.iter().map(|(n, v)| (n.to_string(), *v)).collect();
         let applied = Applied::try_new(&bench.model, effect, place, &numbers).expect("a valid effect");
-        let all = nominal(&Robot::new(bench.model.clone(), vec![applied]), &bench.motion);
+        let mut motion = bench.motion.clone();
+        fill(&Robot::new(bench.model.clone(), vec![applied]), &mut motion);
+        let all = motion.nominal;
         all[0].iter().zip(&bench.motion.rigid).map(|(n, r)| n.iter().zip(r).map(|(n, r)| n - r).collect()).collect()
     }
 

@@ -32,7 +32,7 @@ pub(crate) fn joints(work: &Work, nominal: &Left, left: &Left) -> Vec<JointSerie
     let model = &work.robot.model;
     let mut out = Vec::new();
     for (s, m) in work.motions.iter().enumerate() {
-        for j in 0..work.design.n_joints {
+        for j in 0..work.design.n_drives {
             let joint = &model.joints[model.actuators[j]];
             let measured = work.design.measured_rows(j, s, View::Judge);
             let minus = |e: &[f64]| measured.iter().zip(e).map(|(y, e)| y - e).collect();
@@ -93,7 +93,7 @@ pub(crate) fn finding(work: &Work, pick: usize, rank: usize, part: &Left, left: 
 pub(crate) fn regime_cells(work: &Work, nominal: &Left, left: &Left) -> Vec<RegimeCell> {
     let mut out = Vec::new();
     let efforts: Vec<JointError> = errors(work, left);
-    for j in 0..work.design.n_joints {
+    for j in 0..work.design.n_drives {
         for r in regimes(work, j) {
             let (mut before, mut after, mut n, mut total) = (0.0, 0.0, 0_usize, 0_usize);
             for (s, rows) in work.design.rows.iter().enumerate() {

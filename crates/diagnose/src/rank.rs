@@ -22,7 +22,7 @@ pub(crate) struct Step {
 pub(crate) fn rank(work: &mut Work, band: f64) -> Vec<Step> {
     let picks = work.picks.clone();
     let chain = work.design.chain.clone();
-    let mut steps = vec![Step { pick: None, heldout: pooled(&errors(work, &left_as_given(work, View::Judge))) }];
+    let mut steps = vec![Step { pick: None, heldout: pooled(&errors(work, &left_as_given(work, &[], View::Judge))) }];
     work.design.chain = work.design.given_chain.clone();
     work.rebuild();
     let is_chain = |work: &Work, p: &Pick| work.candidates[p.candidate].effect.family() == Family::Chain;

@@ -79,7 +79,8 @@ fn put(work: &Work, out: &mut Refined, c: &Candidate, reading: &Parameters) {
                 clear(out, entry.name, place);
             }
             let values = entry.parameters.iter().map(|p| value(p.name).or(p.default).unwrap_or(0.0)).collect();
-            let mut applied = Applied { entry, place, site: c.site, other: c.other, values };
+            let mut applied = c.effect.applied(&work.robot.model, c.place, values);
+            (applied.other, applied.site) = (c.other.or(applied.other), if c.other.is_some() { c.site } else { applied.site });
             combine(out, &mut applied);
             out.effects.push(applied);
         }
@@ -113,19 +114,59 @@ fn replaces(effect: &str) -> bool {
     matches!(effect, "friction_coulomb" | "friction_viscous" | "friction_passive" | "actuator_lag" | "time_delay" | "friction_asymmetric")
 }
 
-/// Additions to the same effect at the same place become one.
-fn combine(out: &mut Refined, new: &mut Applied) {
-    let sums = matches!(new.entry.name, "torque_offset" | "encoder_offset" | "friction_load");
-    let multiplies = new.entry.name == "torque_constant";
-    let (effect, place) = (new.entry.name, (new.site, new.place));
-    out.effects.retain(|e| {
-        let is_same = e.entry.name == effect && (e.site, e.place) == place && (sums || multiplies);
-        if is_same && sums {
-            new.values[0] += e.values[0];
-        } else if is_same {
-            new.values[0] *= e.values[0];
+/// How a reading and what the robot file had at the same place become one.
+#[derive(Clone, Copy, PartialEq)]
+enum Together {
+    /// Both stay.
+    Apart,
+    /// Every number is a sum.
+    Sum,
+    /// Scales multiply.
+    Product,
+    /// Stiffnesses in series: their inverses add.
+    InSeries,
+    /// The smaller limit holds.
+    Least,
+    /// What is left of the command is multiplied.
+    Remainder,
+}
+
+fn together(effect: &str) -> Together {
+    match effect {
+        "torque_offset" | "encoder_offset" | "friction_load" | "backlash" | "dead_zone" | "geometry_error" | "sensor_drift" => {
+            Together::Sum
         }
-        !is_same
+        "torque_constant" => Together::Product,
+        "joint_elasticity" | "structure_flexibility" => Together::InSeries,
+        "saturation" => Together::Least,
+        "controller_mismatch" => Together::Remainder,
+        _ => Together::Apart,
+    }
+}
+
+/// Additions to the same effect at the same place become one.
+pub(crate) fn combine(out: &mut Refined, new: &mut Applied) {
+    let how = together(new.entry.name);
+    let (effect, site, place) = (new.entry.name, new.site, new.place);
+    out.effects.retain(|e| {
+        let is_same = e.entry.name == effect && e.site == site && e.place == place && how != Together::Apart;
+        if !is_same {
+            return true;
+        }
+        let (first, old) = (new.values[0], e.values[0]);
+        match how {
+            Together::Apart => {}
+            Together::Sum => new.values.iter_mut().zip(&e.values).for_each(|(new, old)| *new += old),
+            Together::Product => new.values[0] *= old,
+            Together::InSeries => {
+                // The damping and the motor's inertia are the file's: a fit of slow motions says nothing of them.
+                new.values.clone_from(&e.values);
+                new.values[0] = first * old / (first + old);
+            }
+            Together::Least => new.values[0] = first.min(old),
+            Together::Remainder => new.values[0] = 1.0 - (1.0 - first) * (1.0 - old),
+        }
+        false
     });
 }
 

@@ -96,9 +96,9 @@ pub(crate) fn of_pick(work: &Work, pick: usize, part: &[Vec<Vec<f64>>], left: &[
     (names, when)
 }
 
-/// The drive where a pick contributes most, in units of what a refit leaves there.
+/// The drive where a pick contributes most to the effort, in units of what a refit leaves there.
 pub(crate) fn main_joint(work: &Work, pick: usize, part: &[Vec<Vec<f64>>]) -> usize {
     let scope = &work.candidates[work.picks[pick].candidate].scope;
     let size = |j: usize| -> f64 { work.design.weight[j] * work.design.weight[j] * part[j].iter().flatten().map(|v| v * v).sum::<f64>() };
-    scope.iter().copied().max_by(|&a, &b| size(a).total_cmp(&size(b))).unwrap_or(0)
+    scope.iter().copied().filter(|&j| j < work.design.n_drives).max_by(|&a, &b| size(a).total_cmp(&size(b))).unwrap_or(0)
 }

@@ -91,6 +91,9 @@ pub(crate) fn standstill(motion: &Motion, band: f64) -> Vec<Vec<bool>> {
     let s = &motion.segment;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a positive time over a positive period")]
     let margin = (0.1 / (band * s.dt)).ceil() as usize;
+    let never = |is_measured: bool| vec![!is_measured; s.valid.len()];
+    // A position does not stick; one that is not measured is left out like a standstill.
+    let channels = motion.channels.iter().map(|c| never(c.measured.is_some()));
     s.v.iter()
         .map(|v| {
             let slow = STANDSTILL * top_speed(v);
@@ -103,6 +106,7 @@ pub(crate) fn standstill(motion: &Motion, band: f64) -> Vec<Vec<bool>> {
             }
             out
         })
+        .chain(channels)
         .collect()
 }
 

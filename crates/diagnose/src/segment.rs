@@ -5,11 +5,14 @@
 
 use alloc::collections::BTreeMap;
 
-use pkm_dyn::effects::{Law, Robot};
+use pkm_dyn::effects::{Applied, Law, Robot};
+use pkm_dyn::math;
+use pkm_dyn::model::{Model, SensorKind};
 use pkm_ident::filter::{LowPass, derivative};
 use pkm_ident::grid::Grid;
 use pkm_ident::{Recording, spectrum};
 
+use crate::channels::{self, Kind};
 use crate::error::InputError;
 use crate::settings::{HARMONICS, MIN_SAMPLES};
 use crate::verdict::Use;
@@ -23,6 +26,8 @@ pub(crate) struct Segment {
     pub(crate) used: Use,
     pub(crate) start: f64,
     pub(crate) dt: f64,
+    /// Band in which efforts are compared `[Hz]`.
+    pub(crate) band: f64,
     pub(crate) q: Vec<Vec<f64>>,
     pub(crate) v: Vec<Vec<f64>>,
     pub(crate) a: Vec<Vec<f64>>,
@@ -37,6 +42,19 @@ pub(crate) struct Segment {
     pub(crate) gravity: Option<[f64; 3]>,
     /// Known load stated for this recording.
     pub(crate) load: Option<pkm_ident::KnownLoad>,
+    /// Measured wrenches of the environment on the robot, in their sensors' frames.
+    pub(crate) wrenches: Vec<Wrench>,
+    /// Positions measured besides those of the drives: what, and the raw samples where this recording has it.
+    pub(crate) channels: Vec<(Kind, Option<Vec<f64>>)>,
+}
+
+/// What a wrench sensor of the robot's files measured.
+#[derive(Debug, Clone)]
+pub(crate) struct Wrench {
+    /// Index of the sensor.
+    pub(crate) sensor: usize,
+    /// Force `[N]`, then moment `[N·m]`: [component][raw sample].
+    pub(crate) components: Vec<Vec<f64>>,
 }
 
 /// A signal on the grid, before any filter.
@@ -46,6 +64,8 @@ struct Raw {
     tau: Vec<Vec<f64>>,
     warmth: Vec<Vec<f64>>,
     valid: Vec<bool>,
+    wrenches: Vec<Wrench>,
+    channels: Vec<(Kind, Option<Vec<f64>>)>,
 }
 
 /// All recordings, checked, and the band `[Hz]`.
@@ -56,7 +76,13 @@ pub(crate) fn segments(robot: &Robot, recordings: &[(&Recording, Use)], band: Op
     if let Some(effect) = robot.left_aside(is_taken_into_account) {
         return Err(InputError::Effect { effect, robot: robot.model.name.clone() });
     }
-    let raws = recordings.iter().map(|(r, _)| raw(robot, r)).collect::<Result<Vec<_>, _>>()?;
+    let hangs = |e: &&Applied| matches!(e.entry.law, Law::Structure) && robot.model.links[e.place].body.is_some();
+    if let Some(e) = robot.effects.iter().find(hangs) {
+        let effect = format!("effect {} at {:?}, a link that moves,", e.entry.name, e.place_name(&robot.model));
+        return Err(InputError::Effect { effect, robot: robot.model.name.clone() });
+    }
+    let kinds = channels::kinds(robot, &recordings.iter().map(|(r, _)| *r).collect::<Vec<_>>());
+    let raws = recordings.iter().map(|(r, _)| raw(robot, r, &kinds)).collect::<Result<Vec<_>, _>>()?;
     let slowest = raws.iter().map(|r| 1.0 / r.grid.dt).fold(f64::INFINITY, f64::min);
     let limit = 0.4 * slowest;
     let band = match band {
@@ -72,7 +98,11 @@ pub(crate) fn segments(robot: &Robot, recordings: &[(&Recording, Use)], band: Op
 fn is_taken_into_account(law: &Law) -> bool {
     let is_an_effort = matches!(law, Law::JointEffort(_) | Law::PairEffort(_) | Law::Memory(_) | Law::Wrench(_));
     let is_in_the_chain = matches!(law, Law::EffortScale | Law::EffortLag | Law::EffortDelay | Law::PositionOffset);
-    law.is_in_the_model() || is_an_effort || is_in_the_chain
+    law.is_in_the_model()
+        || is_an_effort
+        || is_in_the_chain
+        || matches!(law, Law::PositionPeriodic | Law::Drift | Law::Transmission(_) | Law::Structure)
+        || matches!(law, Law::EffortLimit | Law::EffortDeadZone | Law::CommandShare | Law::Person)
 }
 
 /// Five harmonics of the fastest motion, median over joints and recordings to be fitted.
@@ -89,7 +119,7 @@ fn choose_band(raws: &[Raw], recordings: &[(&Recording, Use)]) -> f64 {
     f.get(f.len().saturating_sub(1) / 2).map_or(1.0, |f| HARMONICS * f)
 }
 
-fn raw(robot: &Robot, r: &Recording) -> Result<Raw, InputError> {
+fn raw(robot: &Robot, r: &Recording, kinds: &[Kind]) -> Result<Raw, InputError> {
     let model = &robot.model;
     for &j in &model.actuators {
         for kind in ["q", "tau"] {
@@ -108,10 +138,18 @@ fn raw(robot: &Robot, r: &Recording) -> Result<Raw, InputError> {
         return Err(too_short);
     }
     let grid = Grid::over(&r.time).filter(|g| g.n >= MIN_SAMPLES).ok_or(too_short)?;
-    let mut out = Raw { valid: vec![true; grid.n], grid, q: Vec::new(), tau: Vec::new(), warmth: Vec::new() };
+    let mut out = Raw {
+        valid: vec![true; grid.n],
+        grid,
+        q: Vec::new(),
+        tau: Vec::new(),
+        warmth: Vec::new(),
+        wrenches: Vec::new(),
+        channels: Vec::new(),
+    };
     for &j in &model.actuators {
         let name = &model.joints[j].name;
-        let offset: f64 = robot.chain(j, |law| matches!(law, Law::PositionOffset)).sum();
+        let sensor = PositionSensor::of(robot, j);
         for (kind, target) in [("q", &mut out.q), ("tau", &mut out.tau)] {
             let Some(signal) = r.signal(&format!("{kind}.{name}")) else { continue };
             for (ok, missing) in out.valid.iter_mut().zip(out.grid.missing(&r.time, signal)) {
@@ -123,10 +161,84 @@ fn raw(robot: &Robot, r: &Recording) -> Result<Raw, InputError> {
         let first = temperature.first().copied().unwrap_or(0.0);
         out.warmth.push(temperature.iter().map(|t| t - first).collect());
         if let Some(q) = out.q.last_mut() {
-            q.iter_mut().for_each(|q| *q += offset);
+            let dt = out.grid.dt;
+            q.iter_mut().enumerate().for_each(|(i, q)| *q = sensor.true_position(*q, dt * i as f64));
+        }
+        if let Some(tau) = out.tau.last_mut() {
+            let most = largest_effort(robot, j);
+            tau.iter_mut().for_each(|t| *t = t.clamp(-most, most));
         }
     }
+    wrenches(model, r, &mut out);
+    for &kind in kinds {
+        let signal = channels::signal(model, r, kind);
+        if let Some(signal) = signal {
+            for (ok, missing) in out.valid.iter_mut().zip(out.grid.missing(&r.time, signal)) {
+                *ok &= !missing;
+            }
+        }
+        let series = signal.map(|signal| out.grid.resample(&r.time, signal));
+        out.channels.push((kind, series));
+    }
     Ok(out)
+}
+
+/// Measured wrenches; a component that is not recorded is taken for zero.
+fn wrenches(model: &Model, r: &Recording, out: &mut Raw) {
+    for (sensor, s) in model.sensors.iter().enumerate().filter(|(_, s)| s.kind == SensorKind::Wrench) {
+        let columns = ["fx", "fy", "fz", "mx", "my", "mz"].map(|c| r.signal(&format!("wrench.{}.{c}", s.name)));
+        if columns.iter().all(Option::is_none) {
+            continue;
+        }
+        let mut components = Vec::new();
+        for signal in columns {
+            let Some(signal) = signal else {
+                components.push(vec![0.0; out.valid.len()]);
+                continue;
+            };
+            for (ok, missing) in out.valid.iter_mut().zip(out.grid.missing(&r.time, signal)) {
+                *ok &= !missing;
+            }
+            components.push(out.grid.resample(&r.time, signal));
+        }
+        out.wrenches.push(Wrench { sensor, components });
+    }
+}
+
+/// What the robot's files say of a drive's position sensor.
+struct PositionSensor {
+    offset: f64,
+    drift: f64,
+    /// Amplitude `[m | rad]`, order `[1/m | 1/rad]`, phase `[rad]`.
+    periodic: Vec<[f64; 3]>,
+}
+
+impl PositionSensor {
+    fn of(robot: &Robot, j: usize) -> Self {
+        let waves = robot.effects.iter().filter(|e| e.is_at_joint(j) && matches!(e.entry.law, Law::PositionPeriodic));
+        Self {
+            offset: robot.chain(j, |law| matches!(law, Law::PositionOffset)).sum(),
+            drift: robot.chain(j, |law| matches!(law, Law::Drift)).sum(),
+            periodic: waves.map(|e| [e.values[0], e.values[1], e.values[2]]).collect(),
+        }
+    }
+
+    /// The position at which it reads `reading` `[m | rad]`, `t` `[s]` after the recording began.
+    fn true_position(&self, reading: f64, t: f64) -> f64 {
+        let steady = reading + self.offset - self.drift * t;
+        let wave = |q: f64| self.periodic.iter().map(|[a, order, phase]| a * math::sin(order * q + phase)).sum::<f64>();
+        // A contraction by amplitude times order, far below one for anything that is still a position sensor.
+        if self.periodic.is_empty() { steady } else { (0..20).fold(steady, |q, _| steady + wave(q)) }
+    }
+}
+
+/// Largest recorded effort of a drive that can act as recorded: what is commanded beyond its limit is no effort of the robot.
+fn largest_effort(robot: &Robot, j: usize) -> f64 {
+    let limit = robot.chain(j, |law| matches!(law, Law::EffortLimit)).fold(f64::INFINITY, f64::min);
+    let scale: f64 = robot.chain(j, |law| matches!(law, Law::EffortScale)).product();
+    let zone: f64 = robot.chain(j, |law| matches!(law, Law::EffortDeadZone)).map(|w| 0.5 * w).sum();
+    let recorded: f64 = robot.chain(j, |law| matches!(law, Law::CommandShare)).map(|share| 1.0 - share).product();
+    recorded * (limit / scale + zone)
 }
 
 fn segment(raw: Raw, r: &Recording, used: Use, band: f64) -> Segment {
@@ -143,6 +255,7 @@ fn segment(raw: Raw, r: &Recording, used: Use, band: f64) -> Segment {
         used,
         start: raw.grid.start,
         dt,
+        band,
         q,
         v,
         a,
@@ -150,6 +263,8 @@ fn segment(raw: Raw, r: &Recording, used: Use, band: f64) -> Segment {
         warmth: raw.warmth,
         extra: extra(&raw.grid, r),
         valid: raw.valid,
+        wrenches: raw.wrenches,
+        channels: raw.channels,
         gravity: r.meta.gravity,
         load: r.meta.load.clone(),
     }
@@ -184,5 +299,5 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
         let (a, b) = (a - mean_a, b - mean_b);
         (ab, aa, bb) = (ab + a * b, aa + a * a, bb + b * b);
     }
-    if aa > 0.0 && bb > 0.0 { ab / pkm_dyn::math::sqrt(aa * bb) } else { 0.0 }
+    if aa > 0.0 && bb > 0.0 { ab / math::sqrt(aa * bb) } else { 0.0 }
 }

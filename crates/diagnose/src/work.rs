@@ -15,6 +15,9 @@ use crate::settings::SOFTNESS;
 use crate::solve::Over;
 use crate::verdict::Use;
 
+/// Positions are known this much better than efforts: what is worth a name there is smaller by this share.
+const POSITION_WORTH: f64 = 0.1;
+
 /// A shape with its columns in the design.
 #[derive(Debug, Clone)]
 pub(crate) struct Variant {
@@ -90,6 +93,8 @@ pub(crate) struct Work<'w> {
     pub(crate) softness: usize,
     /// Prior strength of the rigid parameters while structure is sought.
     pub(crate) kappa: f64,
+    /// Share of the controller's command that each drive's recorded effort lacked before it was made good.
+    pub(crate) missing: Vec<f64>,
     /// Weighted squared measured effort of each joint over the rows that are fitted.
     effort: Vec<f64>,
 }
@@ -140,6 +145,7 @@ impl<'w> Work<'w> {
             picks: Vec::new(),
             softness: 0,
             kappa: 0.0,
+            missing: vec![0.0; model.n_act()],
             effort: Vec::new(),
         }
     }
@@ -171,7 +177,8 @@ impl<'w> Work<'w> {
     fn effort_power(&self) -> Vec<f64> {
         let cross = self.gram.cross(&self.design, &vec![self.measured()]);
         let folds = &cross.yy[..self.gram.n_folds];
-        (0..self.design.n_joints).map(|j| folds.iter().map(|f| f[j][0]).sum()).collect()
+        let worth = |j: usize| if j < self.design.n_drives { 1.0 } else { POSITION_WORTH * POSITION_WORTH };
+        (0..self.design.n_joints).map(|j| worth(j) * folds.iter().map(|f| f[j][0]).sum::<f64>()).collect()
     }
 
     fn measured(&self) -> Vec<Vec<Vec<f64>>> {

@@ -16,7 +16,7 @@ use pkm_sim::Scenario;
 
 use crate::convert::with_robot;
 use crate::diagnose::Targets;
-use crate::diagnosis::{Subject, read_recordings, run as run_engine};
+use crate::diagnosis::{Stated, Subject, read_recordings, run as run_engine};
 use crate::outputs::Outputs;
 use crate::progress::Progress;
 use crate::robot_file;
@@ -155,7 +155,7 @@ fn targets(folder: &Path) -> Targets {
 fn examine(args: &Args, nominal: &Description, targets: &Targets, recordings: [&[Recording]; 2]) -> anyhow::Result<Diagnosis> {
     let file = args.robot.display().to_string();
     let outputs = Outputs::reserve(&targets.all(), &[])?;
-    let subject = Subject { description: nominal, file: &file };
+    let subject = Subject { description: nominal, file: &file, controller: Stated::Simulators };
     let mut diagnosis = run_engine(&subject, recordings[0], recordings[1], &Settings::default(), args.quiet)?;
     targets.publish(&mut diagnosis, nominal, outputs)?;
     Ok(diagnosis)

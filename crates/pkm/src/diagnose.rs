@@ -9,7 +9,7 @@ use pkm_dyn::urdf::Description;
 use pkm_ident::Recording;
 use pkm_report::Style;
 
-use crate::diagnosis::{SettingsArgs, Subject, each_once, json, read_recordings, run as run_engine};
+use crate::diagnosis::{SettingsArgs, Stated, Subject, each_once, json, read_recordings, run as run_engine};
 use crate::outputs::{Outputs, folder};
 use crate::progress::Progress;
 use crate::simulate::controller::ControllerArgs;
@@ -76,7 +76,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // A controller file that cannot be read must not cost the time of a diagnosis.
     args.controller.read(&description.robot)?;
     let outputs = Outputs::reserve(&targets.all(), &inputs)?;
-    let subject = Subject { description: &description, file: &file };
+    let controller = args.controller.path().map_or(Stated::Nothing, Stated::File);
+    let subject = Subject { description: &description, file: &file, controller };
     let mut diagnosis = run_engine(&subject, &train, &holdout, &args.settings.settings(), args.quiet)?;
     if !args.no_replay {
         let all: Vec<Recording> = train.into_iter().chain(holdout).collect();

@@ -1,12 +1,15 @@
 //! What every verb that diagnoses shares: settings from flags, recordings from files, the run itself, the verdict as text.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{anyhow, ensure};
-use pkm_diagnose::{Diagnosis, InputError, Settings, Verdict};
+use pkm_diagnose::{ControllerTwin, Diagnosis, InputError, Settings, Verdict, diagnose_with_controller};
+use pkm_dyn::effects::Robot;
 use pkm_dyn::urdf::Description;
 use pkm_ident::Recording;
 use pkm_record::ReadOptions;
+use pkm_sim::SimError;
 
 use crate::outputs::is_same_file;
 use crate::progress::Progress;
@@ -85,10 +88,44 @@ pub(crate) fn each_once(recordings: &[PathBuf], holdouts: &[PathBuf]) -> anyhow:
     Ok(())
 }
 
-/// A robot with the name its errors are told under.
+/// A robot with the name its errors are told under, and the controller that its recordings are said to be made with.
 pub(crate) struct Subject<'d> {
     pub(crate) description: &'d Description,
     pub(crate) file: &'d str,
+    pub(crate) controller: Stated<'d>,
+}
+
+/// The controller that recordings are said to be made with.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Stated<'d> {
+    /// Not said: no command is held against it.
+    Nothing,
+    /// That of the simulator.
+    Simulators,
+    /// A controller.toml.
+    File(&'d Path),
+}
+
+/// A stated controller, replayed by the simulator.
+struct ReplayedController<'d> {
+    stated: Stated<'d>,
+    robot: &'d Robot,
+}
+
+impl ControllerTwin for ReplayedController<'_> {
+    fn commands(&mut self, recording: &Recording) -> Result<Option<BTreeMap<String, Vec<f64>>>, String> {
+        let controller = match self.stated {
+            Stated::Nothing => return Ok(None),
+            Stated::Simulators => None,
+            // Anew for every recording: each begins with filters and integrators at rest.
+            Stated::File(path) => Some(pkm_ctrl::config::load(path, self.robot).map_err(|e| e.to_string())?),
+        };
+        match pkm_sim::replay_commands(controller, self.robot, recording) {
+            Ok(commands) => Ok(Some(commands)),
+            Err(SimError::NoSignal { .. }) => Ok(None),
+            Err(other) => Err(other.to_string()),
+        }
+    }
 }
 
 /// Runs the engine.
@@ -103,7 +140,9 @@ pub(crate) fn run(
     quiet: bool,
 ) -> anyhow::Result<Diagnosis> {
     let mut progress = Progress::new("diagnosing", quiet);
-    let result = pkm_diagnose::diagnose(subject.description, train, holdout, settings, &mut |share| progress.update(share));
+    let mut twin = ReplayedController { stated: subject.controller, robot: &subject.description.robot };
+    let twin: Option<&mut dyn ControllerTwin> = if matches!(twin.stated, Stated::Nothing) { None } else { Some(&mut twin) };
+    let result = diagnose_with_controller(subject.description, (train, holdout), settings, twin, &mut |share| progress.update(share));
     tracing::info!("diagnosis took {:.1} s", progress.seconds());
     result.map_err(|e| input_error(e, subject.file))
 }

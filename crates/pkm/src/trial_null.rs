@@ -10,7 +10,7 @@ use pkm_ident::Recording;
 use pkm_ident::spectrum::phase_randomised;
 use serde_json::{Value, json};
 
-use crate::diagnosis::{SettingsArgs, Subject, each_once, input_error, read_recordings, run as run_engine};
+use crate::diagnosis::{SettingsArgs, Stated, Subject, each_once, input_error, read_recordings, run as run_engine};
 use crate::outputs::Outputs;
 use crate::random::Random;
 use crate::{check, out, robot_file};
@@ -74,7 +74,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         &targets,
         &args.recordings.iter().chain(&args.holdouts).chain([&args.robot]).map(PathBuf::as_path).collect::<Vec<_>>(),
     )?;
-    let subject = Subject { description: &description, file: &file };
+    let subject = Subject { description: &description, file: &file, controller: Stated::Nothing };
     let settings = args.settings.settings();
     let mut rows = vec![["seed", "status", "findings", "unexplained"].map(str::to_string).to_vec()];
     let mut runs = Vec::new();

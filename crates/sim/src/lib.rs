@@ -59,7 +59,9 @@ pub use playback::Playback;
 pub use rapier::{RapierOptions, RapierPlant};
 pub use reference::{Reference, ReferenceOptions, Sample};
 pub use rerun::rerun;
-pub use scenario::{Instrumented, PlantKind, Scenario, Setup, Step, Watch, needs_states, run, run_along, run_instrumented, run_with};
+pub use scenario::{
+    Instrumented, PlantKind, Scenario, Setup, Step, Watch, needs_states, replay_commands, run, run_along, run_instrumented, run_with,
+};
 pub use shaped::{Shape, Shaped};
 pub use trajectory::{Trajectory, check_limits};
 pub use twin::{Follow, Twin, twin, twin_along, twin_with};

@@ -1,5 +1,6 @@
 //! One run: a true robot under a controller that knows only the nominal one, and what a recorder writes meanwhile.
 
+mod commands;
 mod drive_pds;
 mod instrumented;
 mod log;
@@ -18,6 +19,7 @@ use crate::laws::ForeignLaw;
 use crate::plant::{Plant, ReducedPlant, has_states};
 use crate::reference::{Reference, ReferenceOptions};
 use crate::trajectory::Trajectory;
+pub use commands::replay_commands;
 pub use instrumented::{Instrumented, run_instrumented};
 use log::Log;
 pub use pilot::{Step, Watch};

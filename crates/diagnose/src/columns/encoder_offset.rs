@@ -1,6 +1,7 @@
 //! A wrong zero of a position sensor: the change of the rigid effort along that coordinate.
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, global};
+use crate::shift;
 
 /// See the catalogue entry of the same name.
 pub(super) struct Effect;
@@ -19,13 +20,8 @@ impl Columns for Effect {
     }
 
     fn propose(&self, ctx: &Context) -> Vec<Proposal> {
-        let all: Vec<usize> = (0..ctx.model.n_act()).collect();
-        (0..ctx.model.n_act())
-            .map(|k| {
-                let shape = Shape::free(vec![global(move |m| m.offset[k].clone())]);
-                Proposal { scope: all.clone(), ..Proposal::at_drive(ctx, k, vec![shape]) }
-            })
-            .collect()
+        let shape = |k: usize| Shape::free(vec![global(move |m| shift::of_reading(m, k, &vec![1.0; m.segment.valid.len()]))]);
+        (0..ctx.model.n_act()).map(|k| Proposal::of_all(ctx, k, vec![shape(k)])).collect()
     }
 
     fn read(&self, view: &View) -> Reading {

@@ -1,10 +1,15 @@
 //! How each effect is looked for in recordings: regressor columns, shapes to try, physical vetoes, and the reading of a fit back into
 //! the effect's own parameters. One file per effect, named as in the catalogue.
 
+mod active_limb;
 mod actuator_lag;
+mod backlash;
 mod cable_force;
 mod contact;
+mod controller_mismatch;
+mod dead_zone;
 mod directional_efficiency;
+mod encoder_eccentricity;
 mod encoder_offset;
 mod friction_asymmetric;
 mod friction_coulomb;
@@ -16,12 +21,17 @@ mod friction_quadratic;
 mod friction_stribeck;
 mod friction_thermal;
 mod friction_viscous;
+mod geometry_error;
 mod gravity_tilt;
 pub(crate) mod inertia_error;
+mod joint_elasticity;
 mod limb_impedance;
 mod payload;
 mod rotor_inertia;
+mod saturation;
+mod sensor_drift;
 mod spring;
+mod structure_flexibility;
 mod time_delay;
 mod torque_constant;
 mod torque_offset;
@@ -29,7 +39,7 @@ mod torque_ripple;
 mod transmission_coupling;
 
 use pkm_dyn::Model;
-use pkm_dyn::effects::{Entry, Site};
+use pkm_dyn::effects::{Applied, Entry, Site};
 
 use crate::design::{Chain, ColumnId, Make};
 use crate::held::Held;
@@ -63,6 +73,16 @@ pub(crate) const ALL: &[&dyn Columns] = &[
     &transmission_coupling::Effect,
     &limb_impedance::Effect,
     &contact::Effect,
+    &backlash::Effect,
+    &joint_elasticity::Effect,
+    &saturation::Effect,
+    &dead_zone::Effect,
+    &encoder_eccentricity::Effect,
+    &geometry_error::Effect,
+    &structure_flexibility::Effect,
+    &active_limb::Effect,
+    &sensor_drift::Effect,
+    &controller_mismatch::Effect,
 ];
 
 /// Names of the effects that a diagnosis can find, in the catalogue's order: those of which there are columns here.
@@ -112,6 +132,13 @@ pub(crate) struct Context<'c> {
     /// Shortest sample distance of rows along each drive's travel at top speed: position structure finer than this is not resolved.
     pub(crate) resolution: &'c [f64],
     pub(crate) massive: &'c [usize],
+}
+
+impl Context<'_> {
+    /// Rows of all drives, and of all other positions that are measured.
+    pub(crate) fn everywhere(&self) -> Vec<usize> {
+        (0..self.model.n_act() + self.motions.first().map_or(0, |m| m.channels.len())).collect()
+    }
 }
 
 /// A column: new, or one that every model has.
@@ -171,6 +198,11 @@ impl Proposal {
     pub(crate) fn on_link(ctx: &Context, link: usize, shapes: Vec<Shape>) -> Self {
         let scope = (0..ctx.model.n_act()).collect();
         Self { place: link, site: Site::Link, other: None, name: ctx.model.links[link].name.clone(), scope, shapes }
+    }
+
+    /// At a drive, acting on the rows of all drives and channels.
+    pub(crate) fn of_all(ctx: &Context, drive: usize, shapes: Vec<Shape>) -> Self {
+        Self { scope: ctx.everywhere(), ..Self::at_drive(ctx, drive, shapes) }
     }
 }
 
@@ -232,12 +264,30 @@ pub(crate) trait Columns: Sync {
     fn propose(&self, ctx: &Context) -> Vec<Proposal>;
     /// Reads coefficients as parameters; `Err` is a physical veto.
     fn read(&self, view: &View) -> Reading;
+    /// The leading parameter that a first coefficient of this size stands for; `None` where sizes mean nothing.
+    fn smallest(&self, size: f64) -> Option<f64> {
+        Some(size)
+    }
+    /// The effect at a candidate's place, as a robot carries it.
+    fn applied(&self, model: &Model, place: usize, values: Vec<f64>) -> Applied {
+        let _ = model;
+        Applied::at(self.entry(), place, values)
+    }
 }
 
 /// The catalogue entry of that name; the names here are the file names of `pkm_dyn::effects`.
 pub(crate) fn entry(name: &str) -> &'static Entry {
     // Every effect file here names its twin; a missing twin is a mistake in this library and caught by its tests.
     pkm_dyn::effects::find(name).unwrap_or(pkm_dyn::effects::CATALOGUE[0])
+}
+
+/// A stiffness from its inverse, which is what a fit gives.
+pub(crate) fn stiffness(compliance: f64) -> Reading {
+    if compliance <= 0.0 {
+        Err(format!("it would stiffen under load (compliance {compliance:.3e})"))
+    } else {
+        Ok(vec![("stiffness", 1.0 / compliance)])
+    }
 }
 
 /// A column acting on one drive only.

@@ -16,7 +16,7 @@ const SLACK: f64 = 1e-6;
 const MOST_PARTS: u32 = 1000;
 
 /// Longest run `[base periods]`: five hours at 1 kHz.
-const MAX_STEPS: f64 = 2e7;
+pub(super) const MAX_STEPS: f64 = 2e7;
 
 /// Base period and what happens how often.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,0 +1,34 @@
+//! A soft transmission: the load stays behind the motor in proportion to the effort that passes.
+
+use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, global};
+use crate::shift;
+
+/// See the catalogue entry of the same name.
+pub(super) struct Effect;
+
+impl Columns for Effect {
+    fn entry(&self) -> &'static pkm_dyn::effects::Entry {
+        super::entry("joint_elasticity")
+    }
+
+    fn family(&self) -> Family {
+        Family::Structural
+    }
+
+    fn axis(&self) -> Axis {
+        Axis::Load
+    }
+
+    fn propose(&self, ctx: &Context) -> Vec<Proposal> {
+        let shape = |k| Shape::free(vec![global(move |m| shift::of_compliance(m, k))]);
+        (0..ctx.model.n_act()).map(|k| Proposal::of_all(ctx, k, vec![shape(k)])).collect()
+    }
+
+    fn read(&self, view: &View) -> Reading {
+        super::stiffness(view.own[0])
+    }
+
+    fn smallest(&self, size: f64) -> Option<f64> {
+        Some(1.0 / size)
+    }
+}

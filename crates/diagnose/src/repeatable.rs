@@ -1,0 +1,292 @@
+//! What no repetition brings back: the scatter of what is left from period to period, and the force on a link that would make it.
+//!
+//! Physics of the robot answers the same motion in the same way. A leftover that differs from one period to the next, far beyond the noise
+//! of the sensors and slowly, is somebody pushing.
+
+use alloc::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use pkm_dyn::effects::{Applied, find};
+use pkm_dyn::inverse_dynamics::closed_loop_motion;
+use pkm_dyn::jacobian::{Reference, frame_jacobian};
+use pkm_dyn::model::FrameOnBody;
+use pkm_dyn::{Data, loops, math};
+
+use crate::evidence::Refined;
+use crate::explain::number;
+use crate::final_fit::errors;
+use crate::final_fit::white_power;
+use crate::settings::Settings;
+use crate::verdict::{Compensation, EffectAt, Estimate, Finding, LookAlike, Status, Verdict};
+use crate::work::Work;
+
+/// Periods a recording must hold before one can be compared with another.
+const PERIODS: usize = 3;
+
+/// Difference of a motion from itself one period later, as a share of its variance, below which it repeats.
+const SAME_MOTION: f64 = 0.02;
+
+/// Power of the scatter over that of white noise from which on it is no noise.
+const ABOVE_NOISE: f64 = 4.0;
+
+/// Share of what is left that must be scatter.
+const MOSTLY: f64 = 0.5;
+
+/// Scatter worth a word, as a share of the effort.
+const WORTH: f64 = 0.02;
+
+/// Another link explains the scatter as well when it leaves less than so much more of it.
+const AS_WELL: f64 = 0.05;
+
+type Left = [Vec<Vec<f64>>];
+
+/// Efforts that do not repeat: [segment][joint][row], zero outside whole periods, and the power they hold.
+struct Scatter {
+    series: Vec<Vec<Vec<f64>>>,
+    /// Rows that lie in whole periods.
+    rows: Vec<Vec<usize>>,
+    /// Largest ratio of the scatter's power to noise over the joints.
+    over_noise: f64,
+    /// Scatter over everything that is left, both in units of each joint's effort.
+    share: f64,
+    /// Root mean square over joints of scatter over effort.
+    size: f64,
+    periods: usize,
+}
+
+/// Looks for a person in what the final model leaves; changes the verdict and the refined robot where there is one.
+pub(crate) fn look_for_a_person(work: &Work, left: &Left, (verdict, refined): (&mut Verdict, &mut Refined), settings: &Settings) {
+    let Some(entry) = find("active_limb") else { return };
+    let Some(scatter) = scatter(work, left) else { return };
+    if scatter.over_noise < ABOVE_NOISE || scatter.share < MOSTLY || scatter.size < WORTH {
+        return;
+    }
+    let places = places(work, &scatter);
+    let Some((link, rms, unexplained)) = places.first().copied() else { return };
+    let name = |link: usize| work.robot.model.links[link].name.clone();
+    let says = format!(
+        "On link {}, {}: about {} N rms. Over {} periods of one motion {:.0} % of what is left differs from period to period ({:.1} % of the effort, {:.0} times the sensors' noise in power).",
+        name(link),
+        entry.sentence,
+        number(rms),
+        scatter.periods,
+        100.0 * scatter.share,
+        100.0 * scatter.size,
+        scatter.over_noise
+    );
+    let others = places[1..].iter().filter(|(_, _, left)| *left < unexplained + AS_WELL);
+    let cannot_tell_from = others
+        .map(|(other, _, _)| EffectAt {
+            effect: entry.name.to_string(),
+            place: vec![name(*other)],
+            separating_experiment: "measure the force with a sensor on either link".to_string(),
+        })
+        .collect();
+    let look_alikes = entry.look_alikes.iter().map(|l| LookAlike {
+        effect: l.effect.to_string(),
+        place: vec![name(link)],
+        why_not: format!("it would be the same in each of the {} periods, or in one of them only", scatter.periods),
+        separating_experiment: l.experiment.to_string(),
+    });
+    let spread = rms / math::sqrt(2.0 * scatter.periods as f64);
+    let estimate = Estimate { value: rms, ci95: [(rms - 2.0 * spread).max(0.0), rms + 2.0 * spread], unit: "N".to_string() };
+    let now = verdict.heldout.rms_final;
+    let finding = Finding {
+        rank: verdict.findings.len() + 1,
+        effect: entry.name.to_string(),
+        place: vec![name(link)],
+        regime: vec!["all".to_string()],
+        when: format!("differently in each of {} periods", scatter.periods),
+        confidence: if work.motions.len() < 2 { 0.79 } else { 0.9 },
+        p_value: 1.0 / (settings.null_runs + 1) as f64,
+        parameters: BTreeMap::from([("rms".to_string(), estimate)]),
+        heldout_rms_before: now,
+        heldout_rms_after: now,
+        equation: format!("{}; rms = {} N", entry.equation, number(rms)),
+        says: says.clone(),
+        look_alikes: look_alikes.collect(),
+        cannot_tell_from,
+        compensation: Compensation { in_refined_model: false, says: entry.compensation.to_string() },
+        experiments: Vec::new(),
+        depends_on_prior: None,
+    };
+    verdict.status = Status::NotRepeatable;
+    verdict.nothing_missing = false;
+    verdict.unexplained = crate::verdict::Unexplained { share_of_residual: verdict.unexplained.share_of_residual, ..Default::default() };
+    verdict.says = format!("Not repeatable: {says} No model of the robot can predict it.");
+    verdict.findings.push(finding);
+    refined.effects.push(Applied::at(entry, link, vec![rms]));
+}
+
+/// Rows per period of a motion, and whole periods in it; `None` where it does not repeat often enough.
+fn period(q: &[Vec<f64>]) -> Option<(usize, usize)> {
+    let n = q.first()?.len();
+    let moving: Vec<(&Vec<f64>, f64)> = q
+        .iter()
+        .map(|q| {
+            let mean = q.iter().sum::<f64>() / n as f64;
+            (q, q.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n as f64)
+        })
+        .collect();
+    let most = moving.iter().map(|m| m.1).fold(0.0, f64::max);
+    // Mean over the joints that move of the squared difference over twice the variance.
+    let difference = |lag: usize| {
+        let each = moving.iter().filter(|(_, var)| *var > 1e-6 * most && *var > 0.0).map(|(q, var)| {
+            let sum: f64 = q.iter().zip(&q[lag..]).map(|(a, b)| (a - b) * (a - b)).sum();
+            sum / (2.0 * var * (n - lag) as f64)
+        });
+        let (count, sum) = each.fold((0_usize, 0.0), |(c, s), d| (c + 1, s + d));
+        if count == 0 { f64::INFINITY } else { sum / count as f64 }
+    };
+    let differences: Vec<f64> = (0..=n / PERIODS).map(difference).collect();
+    // Neighbouring rows are alike as well: a period begins to count once the motion has left its start.
+    let away = differences.iter().position(|d| *d > 0.3 && d.is_finite())?;
+    let least = differences[away..].iter().copied().fold(f64::INFINITY, f64::min);
+    if least > SAME_MOTION {
+        return None;
+    }
+    let near = |d: &f64| *d < (2.0 * least).max(0.1 * SAME_MOTION);
+    let first = away + differences[away..].iter().position(near)?;
+    // Down to the bottom of that valley.
+    let bottom =
+        (first..differences.len()).take_while(|&l| near(&differences[l])).min_by(|&a, &b| differences[a].total_cmp(&differences[b]))?;
+    Some((bottom, n / bottom))
+}
+
+fn scatter(work: &Work, left: &Left) -> Option<Scatter> {
+    let d = &work.design;
+    let n = work.robot.model.n_act();
+    let (mut series, mut used) = (Vec::new(), Vec::new());
+    let (mut most_periods, mut sums) = (0, vec![[0.0_f64; 3]; n]);
+    for (s, rows) in d.rows.iter().enumerate() {
+        let len = rows.time.len();
+        let q = (0..n)
+            .map(|k| {
+                (0..len)
+                    .map(|i| work.motions[s].segment.q[k][d.fine[s].raw_index(i).min(work.motions[s].segment.valid.len() - 1)])
+                    .collect()
+            })
+            .collect::<Vec<Vec<f64>>>();
+        let mut out = vec![vec![0.0; len]; n];
+        let mut at = Vec::new();
+        if let Some((period, periods)) = period(&q) {
+            most_periods = most_periods.max(periods);
+            for phase in 0..period {
+                let same: Vec<usize> = (0..periods).map(|p| p * period + phase).filter(|&i| i < len && rows.valid[i]).collect();
+                if same.len() < PERIODS {
+                    continue;
+                }
+                let unbiased = math::sqrt(same.len() as f64 / (same.len() - 1) as f64);
+                for (j, out) in out.iter_mut().enumerate() {
+                    let mean = same.iter().map(|&i| left[j][s][i]).sum::<f64>() / same.len() as f64;
+                    for &i in &same {
+                        out[i] = unbiased * (left[j][s][i] - mean);
+                        sums[j][0] += out[i] * out[i];
+                        sums[j][1] += left[j][s][i] * left[j][s][i];
+                        sums[j][2] += 1.0;
+                    }
+                }
+                at.extend(same);
+            }
+        }
+        at.sort_unstable();
+        series.push(out);
+        used.push(at);
+    }
+    if most_periods < PERIODS {
+        return None;
+    }
+    let efforts = errors(work, left);
+    let (mut over_noise, mut power, mut all) = (0.0_f64, 0.0, 0.0);
+    for (j, [scattered, total, count]) in sums.into_iter().enumerate().filter(|(_, s)| s[2] > 0.0) {
+        let effort = efforts[j].effort * efforts[j].effort;
+        over_noise = over_noise.max(scattered / count / white_power(&work.design.rows, &left[j]).max(f64::MIN_POSITIVE));
+        if effort > 0.0 {
+            power += scattered / count / effort;
+            all += total / count / effort;
+        }
+    }
+    let share = if all > 0.0 { (power / all).min(1.0) } else { 0.0 };
+    Some(Scatter { series, rows: used, over_noise, share, size: math::sqrt(power / n as f64), periods: most_periods })
+}
+
+/// Links on which a force could make the scatter, best first, the farther from the root of equals: link, rms of the force `[N]`, share of
+/// the scatter that it leaves.
+fn places(work: &Work, scatter: &Scatter) -> Vec<(usize, f64, f64)> {
+    let model = &work.robot.model;
+    let links: Vec<usize> = model.massive_links().into_iter().rev().filter(|&l| model.links[l].body.is_some()).collect();
+    let weight: Vec<f64> = work.design.weight.iter().take(model.n_act()).copied().collect();
+    // Force squared, what is left, what there was, rows.
+    let mut sums = vec![[0.0_f64; 4]; links.len()];
+    let mut data = Data::new(model);
+    for (s, rows) in scatter.rows.iter().enumerate() {
+        let segment = &work.motions[s].segment;
+        let mut is_placed = false;
+        for &i in rows {
+            let raw = work.design.fine[s].raw_index(i).min(segment.valid.len() - 1);
+            let at = |x: &[Vec<f64>]| x.iter().map(|x| x[raw]).collect::<Vec<f64>>();
+            let (q, v, a) = (at(&segment.q), at(&segment.v), at(&segment.a));
+            if !is_placed {
+                is_placed = loops::assemble(model, &mut data).is_closed && loops::walk_to(model, &mut data, &q).is_closed;
+            }
+            if !closed_loop_motion(model, &mut data, &q, &v, &a).is_closed {
+                return Vec::new();
+            }
+            // What pushes the robot is effort that the drives are spared.
+            let y = DVector::from_iterator(weight.len(), weight.iter().enumerate().map(|(j, w)| -w * scatter.series[s][j][i]));
+            for (sum, &link) in sums.iter_mut().zip(&links) {
+                let (force, left) = force_on(work, &mut data, link, &y);
+                sum[0] += force.norm_squared();
+                sum[1] += left;
+                sum[2] += y.norm_squared();
+                sum[3] += 1.0;
+            }
+        }
+    }
+    let each = links.into_iter().zip(sums).filter(|(_, s)| s[3] > 0.0 && s[2] > 0.0 && s[0] > 0.0);
+    let mut out: Vec<(usize, f64, f64)> = each.map(|(link, s)| (link, math::sqrt(s[0] / s[3]), s[1] / s[2])).collect();
+    let best = out.iter().map(|o| o.2).fold(f64::INFINITY, f64::min);
+    // Among those that do as well as the best, the last link comes first: people hold on to the end of a robot.
+    out.sort_by_key(|o| o.2 >= best + AS_WELL);
+    out
+}
+
+/// Force at a link's origin that explains weighted efforts `y` at the drives best, and the square that it leaves.
+fn force_on(work: &Work, data: &mut Data, link: usize, y: &DVector<f64>) -> (Vector3<f64>, f64) {
+    let model = &work.robot.model;
+    let frame = FrameOnBody { body: model.links[link].body, pose: model.links[link].pose };
+    let jacobian = frame_jacobian(model, data, &frame, Reference::LocalWorldAligned).clone();
+    let n = model.n_act();
+    let mut a = DMatrix::zeros(n, 3);
+    for k in 0..n {
+        for axis in 0..3 {
+            let sum: f64 = (0..model.nv()).map(|j| jacobian[(axis, j)] * data.reduction[(j, k)]).sum();
+            a[(k, axis)] = work.design.weight[k] * sum;
+        }
+    }
+    let normal: Matrix3<f64> = (a.transpose() * &a).fixed_view::<3, 3>(0, 0).into_owned();
+    let rhs = a.transpose() * y;
+    // Directions that no drive feels stay free of force.
+    let ridge = 1e-6 * normal.trace().max(f64::MIN_POSITIVE);
+    let force = (normal + Matrix3::identity() * ridge).try_inverse().map_or(Vector3::zeros(), |m| m * Vector3::new(rhs[0], rhs[1], rhs[2]));
+    let left = (y - a * force).norm_squared();
+    (force, left)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_period_of_a_motion_is_found_and_a_motion_without_one_has_none() {
+        let wave = |i: usize| {
+            0.3 * math::sin(core::f64::consts::TAU * i as f64 / 40.0)
+                + 0.2 * math::sin(2.0 * core::f64::consts::TAU * i as f64 / 40.0 + 0.4)
+        };
+        let q: Vec<f64> = (0..170).map(wave).collect();
+        assert_eq!(period(&[q]), Some((40, 4)));
+        let never: Vec<f64> = (0..170).map(|i| math::sin(1e-3 * (i * i) as f64)).collect();
+        assert_eq!(period(&[never]), None);
+        assert_eq!(period(&[vec![1.0; 50]]), None);
+    }
+}
