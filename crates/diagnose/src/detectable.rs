@@ -47,9 +47,11 @@ pub(crate) fn detectable(work: &Work, left: &[Vec<Vec<f64>>], settings: &Setting
                 continue;
             }
             let (sum, coloured): (f64, f64) = c.scope.iter().map(|&j| power[j]).fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+            let efforts = work.kinds_of_rows(&c.scope).into_iter().map(|part| work.effort_over(&part));
+            let least_effort = efforts.fold(f64::INFINITY, f64::min);
             let by_chance = SIGMAS * math::sqrt(coloured / c.scope.iter().map(|&j| count(work, j)).sum::<f64>().max(1.0) / strength);
             let by_worth = math::sqrt(settings.floor * sum / strength);
-            let by_tolerance = settings.tolerance * math::sqrt(work.effort_over(&c.scope) / strength);
+            let by_tolerance = settings.tolerance * math::sqrt(least_effort / strength);
             let size = by_chance.max(by_worth).max(by_tolerance);
             best = Some(best.map_or(size, |b: f64| b.min(size)));
         }
