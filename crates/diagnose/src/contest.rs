@@ -178,7 +178,13 @@ impl Arena<'_> {
         let taken = best_base.total(self.best_ground) - base.total(i) + sum(&g.all, i);
         let wins = (0..g.all.len()).filter(|&f| fold_taken(self.bases, self.best_ground, i, f) + g.all[f][i] > 0.0).count();
         let scope_taken = own_error - base.over(&c.scope, i) + sum(&g.scope, i);
-        let (gain, size) = (scope_taken / own_error, self.work.of_effort(scope_taken, &c.scope));
+        let parts = self.work.kinds_of_rows(&c.scope);
+        let of_part = |part: &Vec<usize>| {
+            let g = screen::gains(&self.work.gram, self.cross, base, &own, &prior, part);
+            self.work.of_effort(best_base.over(part, self.best_ground) - base.over(part, i) + sum(&g.scope, i), part)
+        };
+        let size = if parts.len() < 2 { self.work.of_effort(scope_taken, &c.scope) } else { parts.iter().map(of_part).fold(0.0, f64::max) };
+        let gain = scope_taken / own_error;
         Some((Trial { variant: variant.clone(), ground: i, taken, gain, size, wins }, nulls))
     }
 }

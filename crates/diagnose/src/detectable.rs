@@ -69,7 +69,8 @@ fn size(work: &Work, c: &Candidate, strength: f64, power: &[Power], settings: &S
     let sum = |f: &dyn Fn(usize) -> f64| c.scope.iter().map(|&j| f(j)).sum::<f64>();
     let by_chance = SIGMAS * math::sqrt(sum(&|j| power[j].coloured) / sum(&|j| count(work, j)).max(1.0) / strength);
     let by_worth = math::sqrt(settings.floor * sum(&|j| power[j].plain) / strength);
-    let by_tolerance = settings.tolerance * math::sqrt(work.effort_over(&c.scope) / strength);
+    let efforts = work.kinds_of_rows(&c.scope).into_iter().map(|part| work.effort_over(&part));
+    let by_tolerance = settings.tolerance * math::sqrt(efforts.fold(f64::INFINITY, f64::min) / strength);
     by_chance.max(by_worth).max(by_tolerance)
 }
 

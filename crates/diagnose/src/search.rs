@@ -110,7 +110,17 @@ fn superfluous(work: &mut Work, settings: &Settings) -> Option<usize> {
             let g = screen::gains(&work.gram, &cross, &base, &own, &own_prior, scope);
             g.scope.iter().map(|f| f[0]).sum::<f64>() / before
         };
-        if work.of_effort(gain * before, scope) <= settings.tolerance_of(p.variant.n_own) {
+        let parts = work.kinds_of_rows(scope);
+        let of_part = |part: &Vec<usize>| {
+            let g = screen::gains(&work.gram, &cross, &base, &own, &own_prior, part);
+            work.of_effort(g.scope.iter().map(|f| f[0]).sum(), part)
+        };
+        let size = if parts.len() < 2 || own.is_empty() {
+            work.of_effort(gain * before, scope)
+        } else {
+            parts.iter().map(of_part).fold(0.0, f64::max)
+        };
+        if size <= settings.tolerance_of(p.variant.n_own) {
             gain = gain.min(0.0);
         }
         let is_possible = crate::contest::reading(work, p.candidate, &p.variant, &value).is_ok();

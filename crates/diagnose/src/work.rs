@@ -197,6 +197,13 @@ impl<'w> Work<'w> {
         if effort > 0.0 { pkm_dyn::math::sqrt(squared.max(0.0) / effort) } else { 0.0 }
     }
 
+    /// Drives and other measured positions of a scope apart, those that are there: the size of an effect is judged where it shows most, and
+    /// the whole effort of all drives would make a shift of one position look like nothing.
+    pub(crate) fn kinds_of_rows(&self, scope: &[usize]) -> Vec<Vec<usize>> {
+        let (drives, positions): (Vec<usize>, Vec<usize>) = scope.iter().partition(|&&j| j < self.design.n_drives);
+        [drives, positions].into_iter().filter(|part| !part.is_empty()).collect()
+    }
+
     /// Sums of products anew, after columns or chains changed.
     pub(crate) fn rebuild(&mut self) {
         self.gram = Gram::new(&self.design);
