@@ -167,10 +167,13 @@ fn assert_sized(d: &Diagnosis, hidden: &Applied, name: &str, share: f64) {
     assert!((e.value / truth - 1.0).abs() < share, "{} {name}: {e:?} instead of {truth}", hidden.entry.name);
 }
 
+/// Effect, its numbers, the one that is judged, and the share it may be off.
+type SizedCase<'c> = (&'c str, &'c [(&'c str, f64)], &'c str, f64);
+
 #[test]
 fn forces_of_a_slider_are_named_and_sized() {
     let nominal = shipped("prs3");
-    let cases: [(&str, &[(&str, f64)], &str, f64); 2] = [
+    let cases: [SizedCase; 2] = [
         ("friction_presliding", &[("stiffness", 8500.0), ("coulomb", 14.0)], "coulomb", 0.1),
         ("friction_thermal", &[("rate", -0.03)], "rate", 0.05),
     ];

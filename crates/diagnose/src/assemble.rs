@@ -123,7 +123,15 @@ fn finish(work: &Work) -> Final {
             // Too few blocks for an interval: all that can be said is the order of magnitude.
             let half = if half.is_finite() { half } else { value.abs() };
             let unit = entry.parameters.iter().find(|p| p.name == name).map_or("", |p| p.unit.text(explain::kind(work, i)));
-            let tried = if TRIED.contains(&name) { tried_interval(work, i, value) } else { None };
+            let tried = match (entry.name, name) {
+                (_, name) if TRIED.contains(&name) => tried_interval(work, i, value),
+                // What was tried is how far the joint gives: its level over its stiffness.
+                ("friction_presliding", "stiffness") => {
+                    let level = p.variant.values[0] * value;
+                    tried_interval(work, i, p.variant.values[0]).map(|[least, most]| [level / most, level / least.max(f64::MIN_POSITIVE)])
+                }
+                _ => None,
+            };
             let ci95 = tried.unwrap_or([value - half, value + half]);
             map.insert(name.to_string(), Estimate { value, ci95, unit: unit.to_string() });
         }
