@@ -305,15 +305,6 @@ fn a_shape_that_the_motion_does_not_show_is_said() {
     assert_eq!(answer.notes.iter().filter(|n| is_told(n)).count(), 1, "{:?}", answer.notes);
     let ends = [(shape.ci95[0] / 0.6e-3 - 1.0).abs() < 1e-9, (shape.ci95[1] / 600.0 - 1.0).abs() < 1e-9];
     assert!(ends.contains(&true) && shape.ci95[0] < shape.value && shape.value < shape.ci95[1], "{shape:?}");
-    // A friction peak that is there is shown by the same motion.
-    let mut model = description.bare.clone();
-    model.joints.iter_mut().for_each(|j| j.coulomb = 0.0);
-    let values = [("coulomb", 0.5), ("stiction", 2.0), ("stribeck_velocity", 0.3)].map(|(n, x)| (n.to_string(), x));
-    let peak = Applied::try_new(&model, "friction_stribeck", "j1", &values).expect("an effect");
-    let train = made(&Robot::new(model, vec![peak]), 1, 12.0, 0.02);
-    let answer = go(&description.robot, &[train], &[], &Settings { shapes: Shapes::Estimated, ..Settings::default() });
-    let shape = &answer.shapes[0];
-    assert!(shape.is_shown && shape.ci95[0] < 0.3 && 0.3 < shape.ci95[1] && shape.ci95[1] < 2.0 * shape.ci95[0], "{shape:?}");
 }
 
 #[test]

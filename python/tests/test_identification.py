@@ -58,17 +58,17 @@ def test_bad_settings_are_refused(runs, arguments, told):
 
 
 def test_intervals_are_those_of_the_method(runs):
-    robot, (train, _) = runs
-    learned = {m: pkm.Identification(robot, method=m).fit(train) for m in ("wls", "ols", "ridge")}
+    robot, (train, test) = runs
+    learned = {m: pkm.Identification(robot, method=m).fit(train, holdout=test) for m in ("wls", "ols", "ridge")}
     for estimate in learned.values():
         low, high = estimate.ci95_.T
         assert estimate.ci95_.shape == (len(estimate.names_base_), 2) and (low < estimate.theta_base_).all() and (high > estimate.theta_base_).all()
         # One factor for all parameters, normal or a little more for few rows.
         factor = (high - low) / (2 * np.sqrt(np.diag(estimate.covariance_)))
         assert np.ptp(factor) < 1e-6 * factor[0] and 1.95 < factor[0] < 3
-    # No estimate that is linear in the efforts is better than the weighted one; one that knows more is.
+    # No unbiased estimate that is linear in the efforts is better than the weighted one.
     width = {m: np.log(np.ptp(e.ci95_, axis=1)).mean() for m, e in learned.items()}
-    assert width["ridge"] <= width["wls"] + 0.02 and width["wls"] <= width["ols"] + 0.02, width
+    assert width["wls"] <= width["ols"] + 0.02, width
     assert "posterior" in learned["ridge"].intervals_ and "repetitions" in learned["wls"].intervals_
 
 
@@ -93,7 +93,9 @@ def test_gains_come_from_a_weighed_mass(weighed):
     for drive in found["drives"].values():
         # A drive that calls 1.25 N·m one has a gain of 1.25.
         assert drive["gain"] == pytest.approx(1.25, rel=0.1) and drive["ci95"][0] < drive["gain"] < drive["ci95"][1]
-        assert 0 < drive["load_share"] < 1
+        assert 0 <= drive["load_share"] < 1
+    # The mass hangs at the elbow: it is the left drive's.
+    assert found["drives"][robot.actuators[0]]["load_share"] > 0.05
     without = pkm.Identification(robot, gains=True).fit(recordings[:1]).gains_
     assert without["status"] == "not_identified" and without["drives"] == {} and "states a load" in without["notes"][0]
 

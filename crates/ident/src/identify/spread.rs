@@ -77,7 +77,7 @@ impl Work<'_, '_, '_> {
         let n = places.len();
         let unknown = || Mat::from_fn(n, n, |_, _| f64::MAX);
         let plain = || sandwich.covariance(places).unwrap_or_else(unknown);
-        let covariance = match &fit.spread {
+        let mut covariance = match &fit.spread {
             Spread::Drawn(precision, slack) => {
                 let precision = Mat::from_fn(n, n, |i, j| if i == j { precision[i] } else { 0.0 });
                 sandwich.drawn(&Mat::identity(n, n), &precision, *slack).unwrap_or_else(unknown)
@@ -91,6 +91,8 @@ impl Work<'_, '_, '_> {
         let used = |(k, r): (usize, &Residual)| if self.usable[k] { r.bandwidth() } else { 0.0 };
         let critical = critical_95(residuals.iter().enumerate().map(used).fold(0.0, f64::max));
         let held = self.held(set, fit, &plain, &covariance);
+        // What is held by a bound is not known exactly for that.
+        held.iter().for_each(|&(at, _, sd)| covariance[(at, at)] = sd * sd);
         let each = |(at, &i): (usize, &usize)| {
             let sd = covariance[(at, at)].max(0.0).sqrt();
             let mut ci95 = [value[i] - critical * sd, value[i] + critical * sd];
