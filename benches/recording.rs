@@ -80,7 +80,8 @@ fn drops_at_4_khz(_: &mut Criterion) {
     drop(sink);
     let (progress, outcome) = handle.finish();
     outcome.expect("a disk that takes it");
-    let bytes: u64 = std::fs::read_dir(folder.path()).expect("the folder").flatten().filter_map(|e| e.metadata().ok()).map(|m| m.len()).sum();
+    let bytes: u64 =
+        std::fs::read_dir(folder.path()).expect("the folder").flatten().filter_map(|e| e.metadata().ok()).map(|m| m.len()).sum();
     println!(
         "4 kHz x {AXES} axes: {CYCLES} periods in {took:.2} s, {} dropped, {} lost, {} written, {:.1} MB",
         progress.dropped,

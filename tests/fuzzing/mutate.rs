@@ -4,8 +4,29 @@ use crate::Draw;
 
 /// Numbers and words that readers stumble over.
 const WORDS: [&[u8]; 24] = [
-    b"nan", b"-inf", b"1e999", b"-0", b"1e-320", b"99999999999999999999", b"-1", b"0", b"\0", b"\r\n", b"\"", b"'''", b"[[", b"<!--", b"]]>",
-    b"&#x0;", b"&lol;", b"=", b"\xff\xff\xff\xff", b"\xff\xff\xff\xff\xff\xff\xff\x7f", b"\0\0\0\x80", b"\0\0\0\0\0\0\0\0", b"\xef\xbb\xbf",
+    b"nan",
+    b"-inf",
+    b"1e999",
+    b"-0",
+    b"1e-320",
+    b"99999999999999999999",
+    b"-1",
+    b"0",
+    b"\0",
+    b"\r\n",
+    b"\"",
+    b"'''",
+    b"[[",
+    b"<!--",
+    b"]]>",
+    b"&#x0;",
+    b"&lol;",
+    b"=",
+    b"\xff\xff\xff\xff",
+    b"\xff\xff\xff\xff\xff\xff\xff\x7f",
+    b"\0\0\0\x80",
+    b"\0\0\0\0\0\0\0\0",
+    b"\xef\xbb\xbf",
     b"\xed\xa0\x80",
 ];
 

@@ -41,9 +41,9 @@ pub mod watchdog;
 pub use backend::{Backend, HalError};
 #[cfg(feature = "std")]
 pub use clock::MonotonicClock;
+pub use clock::{Clock, ManualClock};
 #[cfg(feature = "system-clock")]
 pub use clock::{SystemClock, epoch_offset_ns};
-pub use clock::{Clock, ManualClock};
 pub use cycle::{Cause, CycleRecord, CycleSink, CycleSource, Phase, Transition};
 pub use faulty::{Fault, FaultyHal, Injection};
 pub use frame::{CommandFrame, MAX_AXES, MAX_SENSORS, Mode, Signal, StateFrame};

@@ -19,12 +19,7 @@ const MS: u64 = 1_000_000;
 const EPOCH: u64 = 1_700_000_000_000_000_000;
 
 fn layout() -> Layout {
-    Layout {
-        joints: vec!["q1".into(), "q2".into()],
-        sensors: vec!["wrench.foot.fz".into()],
-        epoch_ns: EPOCH,
-        ..Layout::default()
-    }
+    Layout { joints: vec!["q1".into(), "q2".into()], sensors: vec!["wrench.foot.fz".into()], epoch_ns: EPOCH, ..Layout::default() }
 }
 
 fn record(cycle: u64) -> CycleRecord {

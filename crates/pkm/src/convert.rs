@@ -63,7 +63,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let left_out = if has_room || n_steps == 0 { left_out } else { format!("{left_out} ({n_steps} steps of the controller left out)") };
     let recovered = recording.meta.other.get("recovered").map_or(String::new(), |told| format!("\nRecovered: {told}"));
     let (samples, signals) = (recording.len(), recording.signals.len());
-    let text = format!("{}: {samples} samples of {signals} signals, {:.3} s{left_out}{recovered}", args.output.display(), recording.duration());
+    let text =
+        format!("{}: {samples} samples of {signals} signals, {:.3} s{left_out}{recovered}", args.output.display(), recording.duration());
     out::say(&out::clean(&text))?;
     Ok(ExitCode::SUCCESS)
 }

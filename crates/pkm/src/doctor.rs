@@ -81,7 +81,9 @@ fn judged(measured: &[Measured], period_ns: u64) -> Finding {
     };
     let advice = match state {
         State::Good => "",
-        _ => "give the loop a core of its own (isolcpus=, nohz_full=) and a PREEMPT_RT kernel; look for virtual machines, power saving and SMIs",
+        _ => {
+            "give the loop a core of its own (isolcpus=, nohz_full=) and a PREEMPT_RT kernel; look for virtual machines, power saving and SMIs"
+        }
     };
     Finding::new("wake-ups", &found, state, advice)
 }

@@ -84,7 +84,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         refused?;
         ensure!(found.steps > before, "{file}: no steps of a controller (topic /pkm/control; `pkm simulate --controller` records them)");
     }
-    let text = if args.json { serde_json::to_string_pretty(&as_json(args, &found, controller.as_ref(), &description))? } else { as_text(args, &found, controller.as_ref(), &description) };
+    let text = if args.json {
+        serde_json::to_string_pretty(&as_json(args, &found, controller.as_ref(), &description))?
+    } else {
+        as_text(args, &found, controller.as_ref(), &description)
+    };
     out::say(&out::clean(&text))?;
     Ok(if found.first.is_some() { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
@@ -112,7 +116,11 @@ impl Found {
         let n = controller.about().n_drives;
         let place = || format!("{file}: step {} at t = {} s", step.number, step.t);
         ensure!(control.command.len() == n, "{}: {} drives (the attached robot has {n})", place(), control.command.len());
-        ensure!(self.steps > 0 || control.is_first, "{}: the controller was not at rest before it; give the files before this one as well", place());
+        ensure!(
+            self.steps > 0 || control.is_first,
+            "{}: the controller was not at rest before it; give the files before this one as well",
+            place()
+        );
         if control.is_first {
             controller.reset();
         }
@@ -165,7 +173,12 @@ fn as_text(args: &Args, found: &Found, controller: &dyn Running, description: &D
     } else {
         let (recorded, replayed) = (first.recorded, first.replayed);
         let bits = (recorded.to_bits(), replayed.to_bits());
-        format!("joint {:?}: recorded {recorded:e} ({:016x}), replayed {replayed:e} ({:016x})", joint(description, first.drive), bits.0, bits.1)
+        format!(
+            "joint {:?}: recorded {recorded:e} ({:016x}), replayed {replayed:e} ({:016x})",
+            joint(description, first.drive),
+            bits.0,
+            bits.1
+        )
     };
     format!(
         "{files}: {} of {steps} steps of {law} differ, by {} at most\nFirst in {}, step {} at t = {} s: {what}",

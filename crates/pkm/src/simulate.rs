@@ -117,7 +117,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let is_mcap = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
     let steps = RefCell::new(Vec::new());
     // Only a controller whose file is attached can be replayed.
-    let watch = (is_mcap && controller.is_some()).then(|| -> Watch<'_> { Box::new(|step| steps.borrow_mut().push(controller::noted(step))) });
+    let watch =
+        (is_mcap && controller.is_some()).then(|| -> Watch<'_> { Box::new(|step| steps.borrow_mut().push(controller::noted(step))) });
     let setup = Setup { robots: [&truth, &description.robot], laws: concealed.laws, controller, watch };
     let moved = move_along(args, setup, (&scenario, equipment.as_ref()), trajectory.as_ref()).with_context(|| file.clone())?;
     let Moved { mut recording, lost, seconds } = moved;

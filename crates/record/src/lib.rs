@@ -147,12 +147,7 @@ pub fn read_controls(path: &Path, options: &ReadOptions, each: &mut dyn FnMut(Co
 ///
 /// # Errors
 /// As [`read`].
-pub fn read_controls_bytes(
-    name: &Path,
-    bytes: &[u8],
-    options: &ReadOptions,
-    each: &mut dyn FnMut(ControlStep),
-) -> Result<(), ReadError> {
+pub fn read_controls_bytes(name: &Path, bytes: &[u8], options: &ReadOptions, each: &mut dyn FnMut(ControlStep)) -> Result<(), ReadError> {
     let file = name.display().to_string();
     controls_of(&file, in_memory(name, &file, bytes)?, options, each)
 }

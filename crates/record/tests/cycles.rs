@@ -174,9 +174,7 @@ fn every_number_of_a_loop_is_in_its_file_to_the_bit() {
     let recording = pkm_record::read(&path, &ReadOptions::default()).unwrap();
     assert_eq!(recording.len(), 299);
     let cycle = |k: usize| if k < 7 { k as u64 } else { k as u64 + 1 };
-    for (prefix, place) in
-        [("q", 0), ("dq", 10), ("tau", 20), ("q_ref", 30), ("dq_ref", 40), ("ddq_ref", 50), ("tau_cmd", 70)]
-    {
+    for (prefix, place) in [("q", 0), ("dq", 10), ("tau", 20), ("q_ref", 30), ("dq_ref", 40), ("ddq_ref", 50), ("tau_cmd", 70)] {
         for (i, joint) in JOINTS.iter().enumerate() {
             let signal = recording.signal(&format!("{prefix}.{joint}"));
             if prefix == "dq" && i == 2 {

@@ -117,7 +117,12 @@ fn isolation(isolated: Option<&str>, online: Option<&str>) -> Finding {
         Some(list) if !list.is_empty() => Finding::new(what, list, State::Good, ""),
         _ => {
             let found = format!("none of {}", online.filter(|list| !list.is_empty()).unwrap_or("those there are"));
-            Finding::new(what, &found, State::Note, "isolcpus=N nohz_full=N rcu_nocbs=N on the kernel's command line, and the loop on core N")
+            Finding::new(
+                what,
+                &found,
+                State::Note,
+                "isolcpus=N nohz_full=N rcu_nocbs=N on the kernel's command line, and the loop on core N",
+            )
         }
     }
 }
@@ -125,7 +130,9 @@ fn isolation(isolated: Option<&str>, online: Option<&str>) -> Finding {
 fn siblings(active: Option<&str>) -> Finding {
     let what = "hyper-threads";
     match active {
-        Some("1") => Finding::new(what, "on", State::Note, "echo off > /sys/devices/system/cpu/smt/control, or leave the loop's sibling idle"),
+        Some("1") => {
+            Finding::new(what, "on", State::Note, "echo off > /sys/devices/system/cpu/smt/control, or leave the loop's sibling idle")
+        }
         _ => Finding::new(what, "off", State::Good, ""),
     }
 }
@@ -136,9 +143,12 @@ fn clock(source: Option<&str>) -> Finding {
         Some(fast @ ("tsc" | "arch_sys_counter" | "kvm-clock" | "hyperv_clocksource_tsc_page" | "riscv_clocksource")) => {
             Finding::new(what, fast, State::Good, "")
         }
-        Some(slow) => {
-            Finding::new(what, slow, State::Bad, "every look at the clock is a call of the kernel and slow: tsc=reliable on its command line")
-        }
+        Some(slow) => Finding::new(
+            what,
+            slow,
+            State::Bad,
+            "every look at the clock is a call of the kernel and slow: tsc=reliable on its command line",
+        ),
         None => Finding::new(what, "unknown", State::Note, ""),
     }
 }

@@ -9,7 +9,6 @@ use pkm_hal::cycle::{CycleRecord, CycleSink, CycleSource};
 use pkm_hal::{Clock, MAX_AXES, MonotonicClock};
 use rustix::thread::{ClockId, Timespec, clock_nanosleep_absolute};
 
-
 /// Largest lateness that is told apart `[ns]`: ten seconds.
 const LARGEST_NS: u64 = 10_000_000_000;
 

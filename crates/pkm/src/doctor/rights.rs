@@ -36,7 +36,10 @@ mod tests {
 
     #[test]
     fn what_is_not_granted_comes_with_what_gives_it() {
-        let missing = ["locked memory: too little (`ulimit -l unlimited`, or LimitMEMLOCK=infinity in the unit)", "SCHED_FIFO 80: EPERM (`ulimit -r 95`)"];
+        let missing = [
+            "locked memory: too little (`ulimit -l unlimited`, or LimitMEMLOCK=infinity in the unit)",
+            "SCHED_FIFO 80: EPERM (`ulimit -r 95`)",
+        ];
         let grants = Grants { missing: missing.map(String::from).to_vec(), is_awake: true, ..Grants::default() };
         let found = told(&grants, 80);
         let states: Vec<State> = found.iter().map(|finding| finding.state).collect();

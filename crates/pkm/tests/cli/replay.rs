@@ -96,7 +96,11 @@ fn another_controller_differs_and_what_cannot_be_replayed_is_refused() {
     let output = pkm(folder.path(), &["replay", "A.mcap", "--controller", "other.toml"]);
     assert_eq!(output.status.code(), Some(1));
     prints(folder.path(), &["simulate", "rig.toml", "--out", "bare.mcap", "--duration", "1"]);
-    refused(folder.path(), &["replay", "bare.mcap"], &["bare.mcap: robot.toml, a URDF and controller.toml must be attached", "robot.toml, rig.urdf"]);
+    refused(
+        folder.path(),
+        &["replay", "bare.mcap"],
+        &["bare.mcap: robot.toml, a URDF and controller.toml must be attached", "robot.toml, rig.urdf"],
+    );
     prints(folder.path(), &["convert", "A.mcap", "A.csv"]);
     refused(folder.path(), &["replay", "A.csv"], &["A.csv", "attached: none"]);
     refused(folder.path(), &["replay", "none.mcap"], &["none.mcap"]);
@@ -108,7 +112,13 @@ fn another_controller_differs_and_what_cannot_be_replayed_is_refused() {
     // The first file's controller goes on in the second.
     assert!(pkm(folder.path(), &["replay", "A.mcap", "B.mcap"]).status.code() == Some(1));
     // Another robot's file of the same number of drives, or none at all.
-    let none = |step: ControlStep| ControlStep::new(step.t, step.number, &Control { command: &[], q_meas: &[], tau_meas: &[], q_ref: &[], v_ref: &[], a_ref: &[], tau_ff: &[], ..step.as_control() });
+    let none = |step: ControlStep| {
+        ControlStep::new(
+            step.t,
+            step.number,
+            &Control { command: &[], q_meas: &[], tau_meas: &[], q_ref: &[], v_ref: &[], a_ref: &[], tau_ff: &[], ..step.as_control() },
+        )
+    };
     altered(&at("A.mcap"), &at("D.mcap"), none);
     refused(folder.path(), &["replay", "D.mcap"], &["D.mcap: step 0", "0 drives (the attached robot has 2)"]);
 }

@@ -124,17 +124,7 @@ pub(crate) fn encode(message: &mut cdr::Writer, stamp_ns: i64, number: u64, step
     message.u32(u32::from(step.is_first) | u32::from(step.is_faulted) << 1);
     message.f64(step.dt);
     let (wrench_meas, wrench_ref) = (&step.wrench_meas[..], &step.wrench_ref[..]);
-    for list in [
-        step.q_meas,
-        step.tau_meas,
-        wrench_meas,
-        step.q_ref,
-        step.v_ref,
-        step.a_ref,
-        wrench_ref,
-        step.tau_ff,
-        step.command,
-    ] {
+    for list in [step.q_meas, step.tau_meas, wrench_meas, step.q_ref, step.v_ref, step.a_ref, wrench_ref, step.tau_ff, step.command] {
         message.f64s(list);
     }
 }

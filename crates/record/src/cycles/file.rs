@@ -10,9 +10,9 @@ use ::mcap::write::NoSeek;
 use ::mcap::{Compression, McapError, WriteOptions, Writer};
 use pkm_hal::cycle::CycleRecord;
 
+use super::Layout;
 use super::messages::Messages;
 use super::store::Stored;
-use super::Layout;
 use crate::mcap::{RECORD, schema};
 use crate::meta;
 

@@ -80,8 +80,7 @@ impl Messages {
             definition: definition.to_string(),
         };
         let joints = |name: &str| topic(name, schema::JOINT_STATE, schema::JOINT_STATE_TEXT);
-        let mut topics =
-            [columns::STATES, columns::REFERENCES, columns::REFERENCE_ACCELERATIONS, columns::COMMANDS].map(joints).to_vec();
+        let mut topics = [columns::STATES, columns::REFERENCES, columns::REFERENCE_ACCELERATIONS, columns::COMMANDS].map(joints).to_vec();
         topics.push(topic(columns::CYCLES, schema::CYCLE, &definition()));
         let mut sensors = Vec::new();
         for (name, draft) in drafts(layout) {

@@ -6,9 +6,9 @@ use std::io;
 use ::mcap::McapError;
 use pkm_hal::cycle::{Cause, CycleRecord, Phase};
 
+use super::Layout;
 use super::file::CycleFile;
 use super::store::Store;
-use super::Layout;
 use crate::error::WriteError;
 
 /// Longest a failed disk is left alone before it is tried again `[ns]`.

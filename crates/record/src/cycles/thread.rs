@@ -66,14 +66,7 @@ pub struct Handle {
 ///
 /// # Errors
 /// As [`Recorder::begin`]; a system that gives no thread.
-pub fn spawn<R, C>(
-    ring: R,
-    store: Box<dyn Store>,
-    layout: Layout,
-    options: Options,
-    clock: C,
-    taps: Vec<Tap>,
-) -> Result<Handle, WriteError>
+pub fn spawn<R, C>(ring: R, store: Box<dyn Store>, layout: Layout, options: Options, clock: C, taps: Vec<Tap>) -> Result<Handle, WriteError>
 where
     R: CycleSource + Send + 'static,
     C: Clock + Send + 'static,

@@ -64,7 +64,18 @@ pub(super) type Sink<'a> = dyn FnMut(Event<'_>) -> Result<(), String> + 'a;
 
 /// Walks a file of `length` bytes; whatever is complete goes to `sink` also behind a damaged record.
 pub(super) fn scan(source: impl Read, length: u64, sink: &mut Sink<'_>) -> io::Result<Walk> {
-    let mut walk = Scanner { source, length, at: 0, buffer: Vec::new(), sum: crc32fast::Hasher::new(), damage: None, inflated: 0, statistics: None, indexed: 0, lost_bytes: 0 };
+    let mut walk = Scanner {
+        source,
+        length,
+        at: 0,
+        buffer: Vec::new(),
+        sum: crc32fast::Hasher::new(),
+        damage: None,
+        inflated: 0,
+        statistics: None,
+        indexed: 0,
+        lost_bytes: 0,
+    };
     if length < super::MAGIC.len() as u64 || !walk.is_magic()? {
         return Ok(Walk::NotMcap);
     }
