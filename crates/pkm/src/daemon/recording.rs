@@ -39,11 +39,10 @@ impl RecordArgs {
         let Some(folder) = &self.record else { return Ok((None, None)) };
         let layout = layout(setup);
         let options = Options { keep_cycles: 0, after_cycles: 0, stem: setup.robot.robot.model.name.clone(), ..Options::default() };
-        let mut taps: Vec<Tap> = Vec::new();
         #[cfg(feature = "live")]
-        let live = self.look(&layout, &mut taps);
+        let (live, taps) = self.look(&layout);
         #[cfg(not(feature = "live"))]
-        taps.clear();
+        let taps = Vec::new();
         let (sink, source) = ring(room);
         let handle = start(source, folder, layout, options, taps)?;
         let recording = Recording {
@@ -56,16 +55,16 @@ impl RecordArgs {
 
     /// The live view; a port that is taken is told and is no reason not to run.
     #[cfg(feature = "live")]
-    fn look(&self, layout: &Layout, taps: &mut Vec<Tap>) -> Option<pkm_live::Live> {
-        let port = self.live?;
+    fn look(&self, layout: &Layout) -> (Option<pkm_live::Live>, Vec<Tap>) {
+        let Some(port) = self.live else { return (None, Vec::new()) };
         match pkm_live::Live::start(layout, &pkm_live::Options { port, ..pkm_live::Options::default() }) {
             Ok(live) => {
-                taps.push(live.tap());
-                Some(live)
+                let tap = live.tap();
+                (Some(live), vec![tap])
             }
             Err(e) => {
-                out::line_on_stderr(&format!("warning: {e}"));
-                None
+                crate::out::line_on_stderr(&format!("warning: {e}"));
+                (None, Vec::new())
             }
         }
     }
