@@ -379,7 +379,10 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
 
     /// The controller's efforts on the way.
     fn follow(&mut self, dt: f64) -> Result<[f64; MAX_AXES], Offence> {
-        if self.course.advance(&mut self.wanted, dt, self.limits.stop_s) == Progress::Done {
+        // A way to a pose begins when efforts no longer lead over from those before: the robot would sag on it.
+        let is_leading_over = self.is_first || self.blend.is_going();
+        let waits = is_leading_over && matches!(self.course, Course::Go { .. });
+        if !waits && self.course.advance(&mut self.wanted, dt, self.limits.stop_s) == Progress::Done {
             self.arrive();
         }
         if !self.wanted.is_finite() {
