@@ -13,7 +13,9 @@ use pkm_ctrl::{About, Health, Running, Signals};
 use pkm_daemon::{Motion, Order, OrderKind, Wanted};
 use pkm_hal::cycle::flags;
 use pkm_hal::frame::status;
-use pkm_hal::{Backend, Cause, Clock, CommandFrame, Fault, FaultyHal, HalError, Injection, MAX_AXES, ManualClock, Phase, Signal, StateFrame};
+use pkm_hal::{
+    Backend, Cause, Clock, CommandFrame, Fault, FaultyHal, HalError, Injection, MAX_AXES, ManualClock, Phase, Signal, StateFrame,
+};
 use pkm_sim::Plant;
 use rig::{Guarded, Rig, controller, guarded, robot, settings};
 
@@ -124,8 +126,22 @@ fn sensor_cases() -> Vec<Case> {
         case("position not a number, one frame", Fault::NotANumber { signal: Q, axis: 1 }, 1, play, None, 0),
         case("position not a number, 3 frames", Fault::NotANumber { signal: Q, axis: 1 }, 3, play, None, 0),
         case("position not a number, lasting", Fault::NotANumber { signal: Q, axis: 1 }, LASTING, stop, Some(Cause::BrokenState), 3),
-        case("velocity infinite, lasting", Fault::Infinite { signal: Signal::Velocity, axis: 0 }, LASTING, stop, Some(Cause::BrokenState), 3),
-        case("effort not a number, lasting", Fault::NotANumber { signal: Signal::Effort, axis: 2 }, LASTING, stop, Some(Cause::BrokenState), 3),
+        case(
+            "velocity infinite, lasting",
+            Fault::Infinite { signal: Signal::Velocity, axis: 0 },
+            LASTING,
+            stop,
+            Some(Cause::BrokenState),
+            3,
+        ),
+        case(
+            "effort not a number, lasting",
+            Fault::NotANumber { signal: Signal::Effort, axis: 2 },
+            LASTING,
+            stop,
+            Some(Cause::BrokenState),
+            3,
+        ),
         case("states frozen (no new frame), lasting", Fault::Drop, LASTING, stop, stale, 11),
         case("one frame dropped", Fault::Drop, 1, play, None, 0),
         case("2 frames dropped", Fault::Drop, 2, play, None, 0),
@@ -294,13 +310,24 @@ fn outcome(case: &Case) -> Outcome {
     let script: Vec<Injection> =
         case.faults.iter().map(|&fault| Injection { from: FAULT_AT, to: FAULT_AT + case.periods, fault }).collect();
     // Drives count commands, not reads: the first three periods send none, opening the session takes one.
-    let commands = |injection: &Injection| matches!(injection.fault, Fault::DeadDrive { .. } | Fault::WeakDrive { .. } | Fault::ReversedDrive { .. } | Fault::LostCommand);
+    let commands = |injection: &Injection| {
+        matches!(injection.fault, Fault::DeadDrive { .. } | Fault::WeakDrive { .. } | Fault::ReversedDrive { .. } | Fault::LostCommand)
+    };
     let script: Vec<Injection> =
         script.into_iter().map(|i| if commands(&i) { Injection { from: i.from - 3, to: i.to - 3, ..i } } else { i }).collect();
     let mut rig = begin(case, &script, &clock);
     let (before, start_ns) = (rig.transitions.len(), rig.grid.beat().planned_ns);
-    let mut out =
-        Outcome { end: Phase::Off, cause: None, noticed: None, safe: None, noticed_ns: 0, safe_ns: 0, excursion: 0.0, speed: 0.0, is_recovered: false };
+    let mut out = Outcome {
+        end: Phase::Off,
+        cause: None,
+        noticed: None,
+        safe: None,
+        noticed_ns: 0,
+        safe_ns: 0,
+        excursion: 0.0,
+        speed: 0.0,
+        is_recovered: false,
+    };
     let total = case.periods.max(LASTING) + 100;
     for period in 0..total {
         let is_on = period < case.periods;

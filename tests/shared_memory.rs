@@ -287,7 +287,8 @@ fn below(dir: &Path) -> Vec<std::path::PathBuf> {
 fn half_made(place: &Place) {
     let driver_side = driver(place).unwrap();
     let statics: Vec<_> = below(&place.root()).into_iter().filter(|p| p.extension().is_some_and(|e| e == "service")).collect();
-    let kept: Vec<_> = statics.iter().map(|path| (path.clone(), fs::read(path).unwrap(), fs::metadata(path).unwrap().permissions())).collect();
+    let kept: Vec<_> =
+        statics.iter().map(|path| (path.clone(), fs::read(path).unwrap(), fs::metadata(path).unwrap().permissions())).collect();
     assert!(!kept.is_empty(), "the library keeps static files: {:?}", below(&place.root()));
     drop(driver_side);
     for (path, bytes, permissions) in kept {

@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use pkm_ctrl::Running;
 use pkm_daemon::config::{DaemonConfig, Settings};
 use pkm_daemon::machine::{Machine, Parts, Tick};
-use pkm_daemon::supervisor::{LoopEnds, Lines, lines};
+use pkm_daemon::supervisor::{Lines, LoopEnds, lines};
 use pkm_daemon::weigher::Weigher;
 use pkm_daemon::{Grid, Motion, Order, OrderKind, Refusal, Wanted};
 use pkm_dyn::effects::Robot;
@@ -46,8 +46,7 @@ pub(crate) fn controller(robot: &Robot) -> Box<dyn Running> {
 pub(crate) fn guarded<'c>(robot: &Robot, settings: &Settings, start: &[f64], clock: &'c ManualClock) -> Guarded<'c> {
     let plant = PlantKind::Reduced.build(robot, 1, start, &vec![0.0; start.len()]).expect("it closes");
     let period_ns = settings.limits.period_ns;
-    let options =
-        SimOptions { period_ns, substeps: 10, encoder_resolution: 1e-6, encoder_noise: 1e-6, ..SimOptions::default() };
+    let options = SimOptions { period_ns, substeps: 10, encoder_resolution: 1e-6, encoder_noise: 1e-6, ..SimOptions::default() };
     let device = Paced::try_new(SimBackend::of_robot(plant, robot, &options).expect("three drives"), clock, period_ns).expect("a state");
     let watched = WatchdogLimits {
         late_ns: settings.limits.gate.late_ns,

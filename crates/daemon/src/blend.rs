@@ -49,11 +49,13 @@ mod tests {
         let (mut before, mut after) = ([0.0; MAX_AXES], [0.0; MAX_AXES]);
         (before[0], after[0], before[1]) = (10.0, -2.0, 1.0);
         let mut blend = Blend::new(&before, &after, 0.4);
-        let sent: Vec<f64> = (0..6).map(|_| {
-            let mut tau = [-2.0, 0.0];
-            blend.apply(&mut tau, 0.1);
-            tau[0]
-        }).collect();
+        let sent: Vec<f64> = (0..6)
+            .map(|_| {
+                let mut tau = [-2.0, 0.0];
+                blend.apply(&mut tau, 0.1);
+                tau[0]
+            })
+            .collect();
         for (got, want) in sent.iter().zip([10.0, 7.0, 4.0, 1.0, -2.0, -2.0]) {
             assert!((got - want).abs() < 1e-12, "{sent:?}");
         }

@@ -300,7 +300,8 @@ impl Reader<'_> {
         let (period, minute) = (self.period, 60.0);
         let late = self.number("hal.late_s", hal.late_s.as_ref(), 3.0 * period, [period, minute], "s")?;
         let stale = self.number("hal.stale_s", hal.stale_s.as_ref(), 5.0 * period, [period, minute], "s")?;
-        let valid_for = self.number("hal.valid_for_s", hal.valid_for_s.as_ref(), 5.0 * period, [period, 1.0_f64.max(20.0 * period)], "s")?;
+        let valid_for =
+            self.number("hal.valid_for_s", hal.valid_for_s.as_ref(), 5.0 * period, [period, 1.0_f64.max(20.0 * period)], "s")?;
         let speed = |k: usize| axes[k].velocity;
         let own_speed = |k: usize| if speed(k).is_finite() { 0.25 * speed(k) } else { 0.1 };
         let wide = [f64::MIN_POSITIVE, f64::INFINITY];

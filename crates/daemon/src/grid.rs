@@ -42,11 +42,8 @@ impl Grid {
 
     /// Plans the next period after one that ended at `now_ns`, and says whether that was an overrun: the next had begun already.
     pub const fn done(&mut self, now_ns: u64) -> bool {
-        self.beat = Beat {
-            cycle: self.beat.cycle.saturating_add(1),
-            planned_ns: self.beat.planned_ns.saturating_add(self.period_ns),
-            skipped: 0,
-        };
+        self.beat =
+            Beat { cycle: self.beat.cycle.saturating_add(1), planned_ns: self.beat.planned_ns.saturating_add(self.period_ns), skipped: 0 };
         let is_overrun = now_ns > self.beat.planned_ns;
         if is_overrun {
             self.skip((now_ns - self.beat.planned_ns).div_ceil(self.period_ns));

@@ -9,10 +9,10 @@ use std::sync::Arc;
 
 use pkm_ctrl::{Limit, Running, Signals};
 use pkm_hal::cycle::flags;
+use pkm_hal::safe_action::Trip;
 use pkm_hal::{
     Backend, Cause, Clock, CommandFrame, CycleRecord, CycleSink, HalError, MAX_AXES, Mode, Phase, SafeAction, Signal, Transition,
 };
-use pkm_hal::safe_action::Trip;
 
 use crate::blend::Blend;
 use crate::gate::{Brought, Gate, GateCounts, GateLimits, Offence};
@@ -257,11 +257,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
     }
 
     fn note(&mut self, brought: Brought) {
-        let bits = [
-            (brought.is_new, flags::NEW_STATE),
-            (brought.is_late, flags::LATE_STATE),
-            (brought.is_refused, flags::REFUSED_STATE),
-        ];
+        let bits = [(brought.is_new, flags::NEW_STATE), (brought.is_late, flags::LATE_STATE), (brought.is_refused, flags::REFUSED_STATE)];
         self.record.flags |= bits.iter().filter(|(is_set, _)| *is_set).fold(0, |all, (_, bit)| all | bit);
         let Some(state) = self.gate.state() else { return };
         self.record.state = *state;
