@@ -20,10 +20,11 @@ realtime = "off"
 black_box_s = 2.0
 [hal]
 kind = "iceoryx2"
-valid_for_s = 0.3
-stale_s = 0.2
+valid_for_s = 1.0
+stale_s = 0.8
 [loop]
-stall_s = 1.0
+stall_s = 10.0
+supervisor_s = 10.0
 consecutive_overruns = 1000
 overrun_share = 1.0
 soft_start_s = 0.2
@@ -213,8 +214,8 @@ fn a_daemon_that_is_killed_loses_the_robot_and_the_next_one_gets_it() {
     daemon.kill();
     let begin = SystemClock.now_ns();
     within(20, || driver.told().contains("the commander lost the robot").then_some(())).expect("the driver takes over");
-    // Commands are valid for 0.3 s; the rest is this machine's.
-    assert!(SystemClock.now_ns() - begin < 3_000_000_000);
+    // Commands are valid for a second; the rest is this machine's.
+    assert!(SystemClock.now_ns() - begin < 5_000_000_000);
     let _daemon = site.start("daemon");
     site.play();
 }
@@ -226,7 +227,7 @@ fn a_driver_that_is_stopped_is_as_good_as_gone_and_resumes_nothing() {
     site.play();
     driver.signal(Signal::STOP);
     let stopped = site.until(&["safe-stop", "fault"]);
-    std::thread::sleep(Duration::from_millis(500));
+    std::thread::sleep(Duration::from_millis(1500));
     driver.signal(Signal::CONT);
     std::thread::sleep(Duration::from_millis(500));
     let phase = site.phase();
@@ -286,7 +287,7 @@ fn what_is_wrong_with_a_configuration_is_said_before_anything_is_opened() {
     let site = Site::new();
     for (from, to, code, want) in [
         ("rate_hz = 100.0", "rate_hz = 100.0", 78, "--start: only a simulated robot moves by itself"),
-        ("stale_s = 0.2", "stale_s = -1.0", 78, "daemon.toml:10: hal.stale_s = -1"),
+        ("stale_s = 0.8", "stale_s = -1.0", 78, "daemon.toml:10: hal.stale_s = -1"),
         ("motion = \"motion.csv\"", "motion = \"missing.csv\"", 78, "missing.csv"),
         ("robot = \"prs3\"", "robot = \"nosuch\"", 78, "daemon.toml:2: robot: nosuch: no such file"),
     ] {
