@@ -19,8 +19,8 @@ use pkm_hal::{
 use pkm_sim::Plant;
 use rig::{Guarded, Rig, controller, guarded, robot, settings};
 
-/// Reads until a fault begins: the robot is armed, at home, and plays.
-const FAULT_AT: u64 = 700;
+/// Reads until a fault begins: the robot is armed, has been home, and plays, at its fastest just then.
+const FAULT_AT: u64 = 800;
 
 const PERIOD_NS: u64 = 5_000_000;
 

@@ -8,7 +8,7 @@ use pkm_daemon::{Motion, Order, OrderKind, Refusal, Wanted};
 use pkm_hal::cycle::flags;
 use pkm_hal::frame::status;
 use pkm_hal::{Backend, Cause, ManualClock, Phase, Signal};
-use rig::{controller, rig};
+use rig::{Rig, controller, rig};
 
 #[test]
 fn nothing_moves_until_it_is_armed_and_every_phase_has_its_cause() {
@@ -55,7 +55,6 @@ fn arming_starts_at_the_measured_pose_with_the_efforts_of_before() {
     rig.periods(3);
     rig.arm().unwrap();
     rig.until(Phase::Holding, 2000);
-    rig.periods(200);
     let armed: Vec<_> = rig.records.iter().skip_while(|r| r.phase != Phase::Homing.code()).collect();
     for k in 0..3 {
         // Nothing was sent before, so nothing is at first; the reference begins where the drives are.
@@ -64,12 +63,13 @@ fn arming_starts_at_the_measured_pose_with_the_efforts_of_before() {
     }
     let soft = (rig.settings.limits.soft_start_s * 200.0).round() as usize;
     assert_eq!(armed.iter().filter(|r| r.flags & flags::BLENDING != 0).count(), soft);
-    // In no period of the way up does an effort change by more than the weight's share and the controller's own work.
+    // In no period of the way up does an effort change by more than half the weight: what falls is caught, not thrown.
     let weight = armed.iter().map(|r| r.tau_ff[0].abs()).fold(0.0, f64::max);
     for pair in armed.windows(2) {
         let step = (pair[1].tau_sent[0] - pair[0].tau_sent[0]).abs();
-        assert!(step < 0.2 * weight, "{step} of {weight}");
+        assert!(step < 0.5 * weight, "{step} of {weight}");
     }
+    rig.periods(100);
     let end = rig.last();
     assert!((0..3).all(|k| (end.state.q[k] - 0.15).abs() < 2e-3), "{:?}", &end.state.q[..3]);
 }
@@ -80,8 +80,9 @@ fn a_motion_is_followed_and_a_stop_stays_on_its_path() {
     let mut rig = rig(&[], &clock);
     rig.playing();
     let error = |r: &pkm_hal::CycleRecord| (0..3).map(|k| (r.q_ref[k] - r.state.q[k]).abs()).fold(0.0, f64::max);
-    let worst = rig.records.iter().filter(|r| r.phase == Phase::Position.code()).map(error).fold(0.0, f64::max);
-    assert!(worst < 2e-3, "{worst} m");
+    // What dry friction has left from standing up is gone a quarter of a second after the drives move.
+    let worst = rig.records.iter().filter(|r| r.phase == Phase::Position.code()).skip(50).map(error).fold(0.0, f64::max);
+    assert!(worst < 1e-3, "{worst} m");
     rig.plain(OrderKind::Stop).unwrap();
     let periods = rig.until(Phase::Holding, 1000);
     assert!((90..=101).contains(&periods), "half a second at 200 Hz: {periods}");
@@ -226,4 +227,53 @@ fn the_robots_own_watchdog_takes_over_when_the_loop_dies() {
     let state = hal.read().unwrap();
     let moved = (0..3).filter_map(|k| state.measured(Signal::Position, k).map(|q| (q - pose[k]).abs())).fold(0.0, f64::max);
     assert!(moved < 0.03, "{moved} m");
+}
+
+#[test]
+fn a_new_daemon_takes_over_a_robot_that_is_being_held_without_letting_it_sag() {
+    let clock = ManualClock::new(0);
+    let robot = rig::robot("prs3");
+    let settings = rig::settings(&robot);
+    let mut hal = rig::guarded(&robot, &settings, &[0.14, 0.15, 0.16], &clock);
+    Rig::new(&mut hal, robot.clone(), settings.clone(), &clock).playing();
+    for _ in 0..200 {
+        clock.advance(5_000_000);
+        hal.read().expect("it holds by itself");
+    }
+    let held = hal.read().expect("a state");
+    assert!(held.status & status::SAFE != 0 && held.tau[0].abs() > 20.0, "{held:?}");
+    let mut next = Rig::new(&mut hal, robot, settings, &clock);
+    next.periods(3);
+    let controller = Some(controller(&next.robot));
+    next.order(Order { nonce: 77, controller, ..Order::plain(OrderKind::Arm, 0) }).unwrap();
+    next.until(Phase::Homing, 10);
+    next.periods(60);
+    let first = next.records.iter().find(|r| r.flags & flags::BLENDING != 0).expect("it leads over");
+    assert!((first.tau_sent[0] - held.tau[0]).abs() < 5.0, "{} after {}", first.tau_sent[0], held.tau[0]);
+    let sagged = (0..3).map(|k| (next.last().state.q[k] - held.q[k]).abs()).fold(0.0, f64::max);
+    assert!(sagged < 2e-3, "{sagged} m");
+}
+
+#[test]
+fn arming_that_fails_leaves_the_robots_own_safe_action_as_it_is() {
+    let clock = ManualClock::new(0);
+    let robot = rig::robot("prs3");
+    let settings = rig::settings(&robot);
+    let mut hal = rig::guarded(&robot, &settings, &[0.14, 0.15, 0.16], &clock);
+    Rig::new(&mut hal, robot.clone(), settings.clone(), &clock).playing();
+    for _ in 0..200 {
+        clock.advance(5_000_000);
+        hal.read().expect("it holds by itself");
+    }
+    let held = hal.read().expect("a state");
+    let mut next = Rig::new(&mut hal, robot, settings, &clock);
+    next.periods(3);
+    let controller = Some(controller(&next.robot));
+    next.order(Order { nonce: 77, controller, ..Order::plain(OrderKind::Arm, 0) }).unwrap();
+    // The loop stalls before its first efforts, for longer than its session lasts.
+    clock.advance(200_000_000);
+    next.periods(200);
+    assert_eq!(next.machine.phase(), Phase::Fault);
+    let moved = (0..3).map(|k| (next.last().state.q[k] - held.q[k]).abs()).fold(0.0, f64::max);
+    assert!(moved < 2e-3 && next.last().state.status & status::SAFE != 0, "{moved} m");
 }

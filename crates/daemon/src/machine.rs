@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use pkm_ctrl::{Limit, Running, Signals};
 use pkm_hal::cycle::flags;
+use pkm_hal::frame::status;
 use pkm_hal::safe_action::Trip;
 use pkm_hal::{
     Backend, Cause, Clock, CommandFrame, CycleRecord, CycleSink, HalError, MAX_AXES, Mode, Phase, SafeAction, Signal, Transition,
@@ -334,6 +335,12 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
     /// From the measured pose, with what was sent last: nothing leaps.
     fn stand_up(&mut self, now_ns: u64) {
         let here = *self.gate.q_all();
+        if !self.session.has_efforts() {
+            // What the robot's side does by itself until then.
+            let state = self.gate.state().filter(|state| state.status & status::POWERED != 0);
+            let now = |k| state.and_then(|state| state.measured(Signal::Effort, k)).unwrap_or(0.0);
+            self.sent = core::array::from_fn(|k| if k < self.n { now(k) } else { 0.0 });
+        }
         (self.trip, self.is_first) = (None, true);
         self.wanted = Wanted::standing(here);
         self.gate.begin();
@@ -369,13 +376,19 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
     /// The last efforts once more, for half a period: then the robot's side applies its own safe action, and the session is over.
     fn let_go(&mut self, now_ns: u64) {
         let efforts = self.sent;
-        self.hand_over(Mode::Effort, &efforts, now_ns, self.limits.period_ns / 2);
+        // A session without efforts leaves the robot's own safe action as it is: none of ours may end it.
+        if self.session.has_efforts() {
+            self.hand_over(Mode::Effort, &efforts, now_ns, self.limits.period_ns / 2);
+        }
         (self.session.is_open, self.trip) = (false, None);
     }
 
     /// The controller's efforts on the way.
     fn follow(&mut self, dt: f64) -> Result<[f64; MAX_AXES], Offence> {
-        if self.course.advance(&mut self.wanted, dt, self.limits.stop_s) == Progress::Done {
+        // A way to a pose begins when efforts no longer lead over from those before: the robot would sag on it.
+        let is_leading_over = self.is_first || self.blend.is_going();
+        let waits = is_leading_over && matches!(self.course, Course::Go { .. });
+        if !waits && self.course.advance(&mut self.wanted, dt, self.limits.stop_s) == Progress::Done {
             self.arrive();
         }
         if !self.wanted.is_finite() {

@@ -105,6 +105,12 @@ fn states_never_go_back<B: Backend>(hal: &mut B) -> Result<(), Breach> {
             last = next;
         }
     }
+    for _ in 0..PATIENCE {
+        if last.sequence > first.sequence {
+            break;
+        }
+        last = state(hal)?;
+    }
     keep("fifty commands later there is a new state", last.sequence > first.sequence)
 }
 

@@ -25,6 +25,11 @@ impl Session {
         Self { nonce, is_open: true, ..Self::default() }
     }
 
+    /// Whether efforts were sent in it.
+    pub(super) const fn has_efforts(&self) -> bool {
+        self.first_effort != 0
+    }
+
     /// The next command of it.
     pub(super) fn command(&mut self, n_axes: usize, mode: Mode, now_ns: u64, valid_for_ns: u64) -> CommandFrame {
         self.sequence += 1;

@@ -7,7 +7,7 @@ use ::iceoryx2::port::subscriber::Subscriber;
 use ::iceoryx2::prelude::{Node, ipc};
 
 use super::place::{Lock, Place, Role, SharedError};
-use super::service::{Mended, Opened, listen, node, own};
+use super::service::{Mended, Opened, begin, listen, own};
 use super::{CommandSlot, StateSlot};
 use crate::backend::{Backend, HalError};
 use crate::frame::{CommandFrame, StateFrame};
@@ -57,7 +57,7 @@ impl SharedDriver {
     /// # Errors
     /// The service for states cannot be made.
     pub fn try_new(place: &Place, lock: Lock) -> Result<Self, SharedError> {
-        let mut node = node(place)?;
+        let mut node = begin(place, Role::Driver)?;
         let (states, mended) = own(&mut node, place, Role::Driver, &lock, StateFrame::LAYOUT)?;
         let mut driver = Self {
             commands: None,

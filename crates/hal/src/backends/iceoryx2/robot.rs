@@ -7,7 +7,7 @@ use ::iceoryx2::port::subscriber::Subscriber;
 use ::iceoryx2::prelude::{Node, ipc};
 
 use super::place::{Lock, Place, Role, SharedError};
-use super::service::{Mended, Opened, listen, node, own};
+use super::service::{Mended, Opened, begin, listen, own};
 use super::{CommandSlot, StateSlot};
 use crate::backend::{Backend, HalError};
 use crate::frame::{CommandFrame, StateFrame};
@@ -55,7 +55,7 @@ impl SharedRobot {
     /// # Errors
     /// The service for commands cannot be made.
     pub fn try_new(place: &Place, lock: Lock, n_axes: usize, n_sensors: usize) -> Result<Self, SharedError> {
-        let mut node = node(place)?;
+        let mut node = begin(place, Role::Daemon)?;
         let (commands, mended) = own(&mut node, place, Role::Daemon, &lock, CommandFrame::LAYOUT)?;
         let mut robot = Self {
             states: None,

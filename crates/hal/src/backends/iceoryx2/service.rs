@@ -64,6 +64,21 @@ pub(super) fn node(place: &Place) -> Result<Node<ipc::Service>, SharedError> {
     builder.create::<ipc::Service>().map_err(|e| bad(&e))
 }
 
+/// A node for `role`, whose lock is held. Where files of an earlier node are broken, every file of the place is removed, unless somebody plays
+/// the other role.
+///
+/// # Errors
+/// As [`node`].
+pub(super) fn begin(place: &Place, role: Role) -> Result<Node<ipc::Service>, SharedError> {
+    let problem = match node(place) {
+        Ok(node) => return Ok(node),
+        Err(e) => e,
+    };
+    let Ok(_other) = place.lock(role.other()) else { return Err(problem) };
+    place.sweep();
+    node(place)
+}
+
 fn name_of(role: Role, number: u32) -> String {
     format!("pkm/{role}/{number}")
 }
