@@ -3,10 +3,10 @@
 mod folder;
 mod trial;
 
+use core::sync::atomic::{AtomicUsize, Ordering};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{anyhow, ensure};
 use pkm_trials::case::{Level, MORE, ROBOTS, Wish, make};

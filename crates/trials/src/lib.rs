@@ -7,6 +7,8 @@
 //!
 //! Not in here: the running of a diagnosis (the verb `pkm prove`), and anything of the mechanics, the engine or the simulator.
 
+extern crate alloc;
+
 pub mod case;
 pub mod laws;
 pub mod machine;

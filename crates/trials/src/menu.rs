@@ -264,12 +264,25 @@ impl Pick<'_> {
                 choice.with(move |a| one("stiction", coulomb + a, coulomb))
             }
             "friction_quadratic" => {
-                let power = [2.0, 2.5, 0.5][random.index(3)];
+                let kind = random.index(3);
+                let power = [2.0, 2.5, 0.5][kind];
                 let law = Resist::Drag { v0: 0.05 * f.speed, power };
                 let choice = Choice::new(name, &here, "power 2, 2.5 or 0.5 of a smoothed speed", force / pow(f.speed, power), at(law));
-                let choice = if power == 2.0 { choice.textbook() } else { choice };
+                let choice = if kind == 0 { choice.textbook() } else { choice };
                 choice.with(move |a| [one("drag", a, 0.0), one("exponent", power, 0.0)].concat())
             }
+            _ => return self.more_friction(name, random),
+        })
+    }
+
+    /// Friction that depends on more than the speed.
+    fn more_friction(&self, name: &str, random: &mut Stream) -> Option<Choice> {
+        let (k, f, force, soft) = (self.k, self.fact, self.force(), self.soft());
+        let nominal = &self.scene.plant.robot.joints[self.joint];
+        let (viscous, coulomb) = (nominal.viscous, nominal.coulomb);
+        let here = [self.name()];
+        let at = |law| resist(self.joint, self.joint, law);
+        Some(match name {
             "friction_load" => {
                 Choice::new(name, &here, "root of load squared", 0.03, at(Resist::Load { speed: soft, floor: 0.1 * f.spread }))
                     .cap(0.5)

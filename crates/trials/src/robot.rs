@@ -1,6 +1,6 @@
 //! A robot read from its files, with a reader of its own: bodies with ten numbers each, joints of a tree, loops that close it, drives.
 
-use std::collections::BTreeMap;
+use alloc::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::Deserialize;

@@ -1,6 +1,6 @@
 //! Sealed answers: hashes that are told before any diagnosis starts.
 
-use std::collections::BTreeMap;
+use alloc::collections::BTreeMap;
 
 use sha2::{Digest, Sha256};
 

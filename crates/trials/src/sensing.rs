@@ -1,6 +1,6 @@
 //! From what a robot did to what a recording says of it: noise, steps of encoders, colour, and what goes wrong in a day's work.
 
-use std::fmt::Write as _;
+use core::fmt::Write as _;
 
 use crate::machine::Trace;
 use crate::random::Stream;

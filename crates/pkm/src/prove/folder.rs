@@ -1,6 +1,8 @@
 //! The folder of a run: cases, answers, seals, verdicts, scores.
 
-use std::collections::BTreeMap;
+extern crate alloc;
+
+use alloc::collections::BTreeMap;
 use std::fs;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};

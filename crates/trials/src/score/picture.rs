@@ -1,7 +1,7 @@
 //! Who was taken for whom: the confusion matrix as a picture in a page that needs no network, with the tables below it.
 
-use std::collections::BTreeSet;
-use std::fmt::Write as _;
+use alloc::collections::BTreeSet;
+use core::fmt::Write as _;
 
 use super::judge::Marks;
 use super::table::markdown;

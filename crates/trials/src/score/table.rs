@@ -1,7 +1,7 @@
 //! Tallies as a table in Markdown.
 
-use std::collections::BTreeSet;
-use std::fmt::Write as _;
+use alloc::collections::BTreeSet;
+use core::fmt::Write as _;
 
 use super::judge::Marks;
 use super::tally::{Count, Tally, tally};

@@ -1,6 +1,6 @@
 //! What is read of a verdict (docs/FORMATS.md): as little as scoring needs, and nothing of the crate that writes it.
 
-use std::collections::BTreeMap;
+use alloc::collections::BTreeMap;
 
 use serde::Deserialize;
 
