@@ -54,12 +54,8 @@ fn joint_state(t: f64, lists: [&[f64]; 3]) -> Vec<u8> {
     message.u32(nanosec);
     message.text("base");
     message.u32(2);
-    for name in ["j1", "j2"] {
-        message.text(name);
-    }
-    for list in lists {
-        message.numbers(list);
-    }
+    ["j1", "j2"].iter().for_each(|name| message.text(name));
+    lists.iter().for_each(|list| message.numbers(list));
     message.finish()
 }
 
