@@ -4,7 +4,7 @@ use pkm_daemon::config::Settings;
 use pkm_dyn::urdf::Description;
 use pkm_hal::{Backend, HalError, Limiter, MAX_AXES, SystemClock, Watchdog, WatchdogLimits};
 use pkm_sim::sensors::ForceCell;
-use pkm_sim::{Paced, Plant, PlantKind, SimBackend, SimOptions};
+use pkm_sim::{ConstrainedOptions, Paced, Plant, PlantKind, SimBackend, SimOptions};
 
 use super::setup::Setup;
 
@@ -42,7 +42,8 @@ pub(crate) fn guarded<B: Backend>(device: B, settings: &Settings) -> Result<Watc
 fn plant(robot: &Description, settings: &Settings) -> anyhow::Result<SimBackend<Box<dyn Plant>>> {
     let model = &robot.robot.model;
     let start: Vec<f64> = model.actuators.iter().map(|&j| model.assembly[j]).collect();
-    let kind = if settings.wrench.is_some() { PlantKind::Constrained(Default::default()) } else { PlantKind::Auto };
+    // Drives without power let go: the robot rests on its end stops, as it would.
+    let kind = PlantKind::Constrained(ConstrainedOptions { end_stops: Some(0.0), ..ConstrainedOptions::default() });
     let plant = kind.build(&robot.robot, 1, &start, &[0.0; MAX_AXES][..start.len()])?;
     // Steps of half a millisecond at most, whatever the period.
     let substeps = u32::try_from(settings.limits.period_ns.div_ceil(500_000)).unwrap_or(1).max(1);
