@@ -20,6 +20,9 @@ pub const Z: f64 = 4.0;
 /// Below this share beside the basis, an effect is one that a refit swallows.
 pub const INSIDE_SPAN: f64 = 0.05;
 
+/// Effects that a refit swallows whole, whatever the ruler finds beside it: stick at reversals moves, and that alone can be 5 %.
+const SWALLOWED: [&str; 4] = ["friction_viscous", "friction_coulomb", "inertia_error", "payload"];
+
 /// Robots of the trials.
 pub const ROBOTS: [&str; 5] = ["prs3", "serial_arm", "motobotte", "ups3_rpu1", "five_bar"];
 
@@ -385,7 +388,8 @@ fn conceal(wish: &Wish, bench: &Bench<'_>, scene: &Scene<'_>, random: &mut Strea
         let name = wish.effect.as_deref().unwrap_or(drawn);
         // Two effects must be two, and a base that rocks renumbers what others have been put on.
         let is_taken = out.iter().any(|(c, _)| c.effect == name) || (count > 1 && name == "structure_flexibility");
-        let Some(choice) = (!is_taken).then(|| choose(name, scene, random)).flatten() else { continue };
+        let is_swallowed = wish.level.is_refitted() && SWALLOWED.contains(&name);
+        let Some(choice) = (!is_taken && !is_swallowed).then(|| choose(name, scene, random)).flatten() else { continue };
         if let Some(found) = bench.calibrate(&choice, wish.size, !wish.level.is_refitted())? {
             out.push((choice, found));
         }

@@ -7,7 +7,7 @@ use crate::math::{exp, pow, sin, tanh};
 /// How dry friction of a drive is made.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Dry {
-    /// Bristles that bend by `reach` before they slip, with the damping `damping` `[N·s/m]`: LuGre.
+    /// Bristles that bend by `reach` before they slip, with the damping `damping` `[N·s/m]`: the model of Lund and Grenoble.
     Bristles {
         /// Deflection at full friction `[m | rad]`.
         reach: f64,

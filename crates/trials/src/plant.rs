@@ -70,14 +70,8 @@ impl Plant {
     /// Loops that do not close from the robot's assembly, or coordinates that do not determine the pose.
     pub fn new(robot: Robot) -> Result<Self, RobotError> {
         let n = robot.joints.len();
-        let mut moves = vec![vec![false; n]; n];
-        for link in 0..n {
-            let mut at = Some(link);
-            while let Some(j) = at {
-                moves[j][link] = true;
-                at = robot.joints[j].parent;
-            }
-        }
+        let is_below = |joint: usize, link: usize| core::iter::successors(Some(link), |&j| robot.joints[j].parent).any(|j| j == joint);
+        let moves = (0..n).map(|joint| (0..n).map(|link| is_below(joint, link)).collect()).collect();
         let mut rotors = vec![0.0; n];
         for d in &robot.drives {
             rotors[d.joint] = d.rotor;

@@ -55,8 +55,7 @@ impl Noise {
         let keep = crate::math::exp(-core::f64::consts::TAU * dt);
         let mut out = self.silent(trace);
         for i in 0..trace.t.len() {
-            for k in 0..self.quantum.len() {
-                let quantum = self.quantum[k];
+            for (k, &quantum) in self.quantum.iter().enumerate() {
                 // A third of a step of jitter, then the step itself.
                 let read = trace.reading[i][k] + 0.33 * quantum * random.normal();
                 out.q[i][k] = (read / quantum).round() * quantum;
