@@ -115,10 +115,12 @@ pub(crate) fn gains(gram: &Gram, cross: &Cross, base: &Base, columns: &[ColumnId
             (0..g.ncols()).map(|b| (0..columns.len()).map(|i| g[(i, b)] * (2.0 * linear[(i, b)] - moved[(i, b)])).sum()).collect()
         };
         let all = judge(Over::Only(f), &fold.parts[0]);
-        out.scope.push(match scope {
-            // With one joint in all, its rows are all rows.
-            [j] if gram.active.len() > 1 => judge(Over::OnlyJoint(f, *j), &fold.parts[1 + j]),
-            _ => all.clone(),
+        // Where a candidate acts on every row, its rows are all rows.
+        out.scope.push(if scope.is_empty() || scope.len() == gram.active.len() {
+            all.clone()
+        } else {
+            let each: Vec<Vec<f64>> = scope.iter().map(|&j| judge(Over::OnlyJoint(f, j), &fold.parts[1 + j])).collect();
+            (0..all.len()).map(|b| each.iter().map(|part| part[b]).sum()).collect()
         });
         out.all.push(all);
     }

@@ -92,9 +92,13 @@ impl Effect {
             }
             Acting::Bodies(delta) => out.iter_mut().zip(seen.full).for_each(|(out, row)| *out = dot(row, delta)),
             Acting::Gravity(tilted) => {
-                for (which, sign) in [(&**tilted, 1.0), (model, -1.0)] {
+                // Weight is in the accelerations of the bodies, as that of a base that is accelerated the other way.
+                let turned = model.gravity - tilted.gravity;
+                for sign in [1.0, -1.0] {
+                    let by = if sign > 0.0 { turned } else { -turned };
+                    data.acceleration_w.iter_mut().for_each(|a| a.linear += by);
                     let mut add = |k: usize, c: usize, x: f64| out[k] += sign * x * seen.theta[c];
-                    seen.columns.fill(which, data, seen.signs, &mut add);
+                    seen.columns.fill(model, data, seen.signs, &mut add);
                 }
             }
             Acting::Share { drive, share } => out[*drive] = share * seen.effort[*drive],

@@ -96,7 +96,7 @@ fn every_verb_reads_bags_and_asks_for_a_topic_where_there_are_several() {
         prints(folder.path(), &["simulate", "rig.toml", "--out", &out, "--seed", seed, "--duration", "10", "--rate", "200"]);
         bag(&folder.path().join(out), &folder.path().join(format!("{seed}.mcap")));
     }
-    let (topic, fast) = (["--topic", "/arm/joint_states"], ["--null-runs", "1"]);
+    let (topic, fast) = (["--topic", "/arm/joint_states"], ["--null-runs", "19"]);
     let both = ["--recording", "1.mcap", "--holdout", "2.mcap"];
     let verbs: [&[&[&str]]; 6] = [
         &[&["convert", "1.mcap", "back.csv"]],
@@ -104,7 +104,7 @@ fn every_verb_reads_bags_and_asks_for_a_topic_where_there_are_several() {
         &[&["twin", "rig.toml", "--recording", "1.mcap"]],
         &[&["identify", "rig.toml", "--out", "better.toml"], &both],
         &[&["diagnose", "rig.toml", "--json", "out.json"], &both, &fast],
-        &[&["trial-null", "rig.toml", "--trials", "1"], &both, &fast],
+        &[&["trial-null", "rig.toml", "--runs", "1"], &both, &fast],
     ];
     for verb in verbs {
         let arguments = verb.concat();

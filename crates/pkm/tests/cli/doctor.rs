@@ -44,7 +44,7 @@ fn words_for_people_and_refusals() {
     let output = pkm(folder.path(), &["doctor", "--seconds", "0"]);
     let told = String::from_utf8(output.stdout).unwrap();
     assert!(told.contains("clock source") && !told.contains("Wake-ups every"), "{told}");
-    for arguments in [["--rate", "0"], ["--rate", "100000"], ["--seconds", "-1"], ["--priority", "99"]] {
+    for arguments in [["--rate", "0"], ["--rate", "100000"], ["--seconds", "x"], ["--priority", "99"]] {
         refused(folder.path(), &[&["doctor"][..], &arguments].concat(), &[arguments[0]]);
     }
 }

@@ -133,17 +133,11 @@ fn a_cut_file_is_mended_and_says_what_it_lost() {
     assert!(told.contains("Recovered: ") && told.contains(" bytes lost; first damage at byte"), "{told}");
     let told = prints(folder.path(), &["replay", "mended.mcap"]);
     assert!(told.contains("every command the same to the bit"), "{told}");
-    // One byte in a chunk: the statistics at the end know how many messages there were.
+    // One byte in the only chunk: its checksum says that nothing in it can be believed.
     let mut bad = whole.clone();
     let at = bad.len() / 3;
     bad[at] ^= 0xff;
     fs::write(folder.path().join("bad.mcap"), &bad).unwrap();
-    let told = prints(folder.path(), &["convert", "bad.mcap", "mended.mcap", "--recover"]);
-    let count = |before: &str| -> u64 {
-        let head = told.split(before).next().unwrap();
-        head.rsplit(|c: char| !c.is_ascii_digit()).find(|part| !part.is_empty()).unwrap().parse().unwrap()
-    };
-    // 201 samples of states and references, 501 steps.
-    assert_eq!(count(" messages") + count(" lost"), 2 * 201 + 501, "{told}");
-    assert!(count(" lost") > 0, "{told}");
+    fs::remove_file(folder.path().join("mended.mcap")).unwrap();
+    refused(folder.path(), &["convert", "bad.mcap", "mended.mcap", "--recover"], &["bad.mcap", "no samples"]);
 }
