@@ -65,8 +65,13 @@ fn judge(work: &mut Work, settings: &Settings) -> Vec<Judged> {
             if own.is_empty() {
                 return None;
             }
-            let g = screen::gains(&work.gram, &cross, &base, &own, &own_prior, &scope);
-            let gain = |t: usize| g.scope[0][t] / base.over(&scope, t).max(f64::MIN_POSITIVE);
+            // Efforts and other positions each have their own errors: it may help with one of them only.
+            let parts = work.kinds_of_rows(&scope);
+            let of_part: Vec<_> = parts.iter().map(|part| screen::gains(&work.gram, &cross, &base, &own, &own_prior, part)).collect();
+            let gain = |t: usize| {
+                let each = parts.iter().zip(&of_part).map(|(part, g)| g.scope[0][t] / base.over(part, t).max(f64::MIN_POSITIVE));
+                each.fold(f64::NEG_INFINITY, f64::max)
+            };
             let own_gain = if whole { crate::search::chain_held_out_gain(work, i) } else { gain(0) };
             Some((own_gain, (1..=settings.null_runs).map(gain).collect()))
         })

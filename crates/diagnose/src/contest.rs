@@ -138,8 +138,6 @@ impl Arena<'_> {
     fn judge(&self, candidate: usize) -> Option<(Score, Vec<f64>)> {
         let c = &self.work.candidates[candidate];
         let n_real = self.grounds.len();
-        let best_base = &self.bases[self.best_ground];
-        let own_error = best_base.over(&c.scope, self.best_ground).max(f64::MIN_POSITIVE);
         let shapes: Vec<(&Variant, usize)> = c
             .variants
             .iter()
@@ -147,7 +145,7 @@ impl Arena<'_> {
             .filter(|(v, i)| v.softness.map_or(*i == self.best_ground, |w| w == self.grounds[*i].softness))
             .collect();
         // Some candidates have a hundred shapes and most have three: shapes, not candidates, are what the cores share.
-        let tried: Vec<(Trial, Vec<f64>)> = shapes.par_iter().filter_map(|(v, i)| self.attempt(c, v, *i, own_error)).collect();
+        let tried: Vec<(Trial, Vec<f64>)> = shapes.par_iter().filter_map(|(v, i)| self.attempt(c, v, *i)).collect();
         let mut null = vec![f64::NEG_INFINITY; self.null_best.len()];
         let mut trials = Vec::with_capacity(tried.len());
         for (trial, gains) in tried {
@@ -161,30 +159,38 @@ impl Arena<'_> {
     }
 
     /// One shape on one ground: its numbers on the recording and its gain in every null run.
-    fn attempt(&self, c: &Candidate, variant: &Variant, i: usize, own_error: f64) -> Option<(Trial, Vec<f64>)> {
+    fn attempt(&self, c: &Candidate, variant: &Variant, i: usize) -> Option<(Trial, Vec<f64>)> {
         let (own, prior) = own_columns(self.work, variant, &self.grounds[i].columns);
         if own.is_empty() {
             return None;
         }
         let (base, best_base, n_real) = (&self.bases[i], &self.bases[self.best_ground], self.grounds.len());
-        let g = screen::gains(&self.work.gram, self.cross, base, &own, &prior, &c.scope);
         let sum = |parts: &[Vec<f64>], t: usize| parts.iter().map(|f| f[t]).sum::<f64>();
-        let null = |b: usize| {
-            let t = n_real + b;
-            let error = self.bases[self.null_best[b]].over(&c.scope, t);
-            (error - base.over(&c.scope, t) + sum(&g.scope, t)) / error.max(f64::MIN_POSITIVE)
+        // Efforts and other positions each have their own errors: a candidate is judged where it does most.
+        let parts: Vec<(Vec<usize>, screen::Gains)> = self
+            .work
+            .kinds_of_rows(&c.scope)
+            .into_iter()
+            .map(|part| {
+                let g = screen::gains(&self.work.gram, self.cross, base, &own, &prior, &part);
+                (part, g)
+            })
+            .collect();
+        // Squared error that is taken away from some rows, and what was there.
+        let of_part = |(part, g): &(Vec<usize>, screen::Gains), t: usize, best: &Base| {
+            let error = best.over(part, t);
+            (error - base.over(part, t) + sum(&g.scope, t), error.max(f64::MIN_POSITIVE))
         };
-        let nulls = (0..self.null_best.len()).map(null).collect();
+        let gain_at =
+            |t: usize, best: &Base| parts.iter().map(|p| of_part(p, t, best)).map(|(taken, e)| taken / e).fold(f64::NEG_INFINITY, f64::max);
+        let nulls = (0..self.null_best.len()).map(|b| gain_at(n_real + b, &self.bases[self.null_best[b]])).collect();
+        let g = &parts.first()?.1;
         let taken = best_base.total(self.best_ground) - base.total(i) + sum(&g.all, i);
         let wins = (0..g.all.len()).filter(|&f| fold_taken(self.bases, self.best_ground, i, f) + g.all[f][i] > 0.0).count();
-        let scope_taken = own_error - base.over(&c.scope, i) + sum(&g.scope, i);
-        let parts = self.work.kinds_of_rows(&c.scope);
-        let of_part = |part: &Vec<usize>| {
-            let g = screen::gains(&self.work.gram, self.cross, base, &own, &prior, part);
-            self.work.of_effort(best_base.over(part, self.best_ground) - base.over(part, i) + sum(&g.scope, i), part)
-        };
-        let size = if parts.len() < 2 { self.work.of_effort(scope_taken, &c.scope) } else { parts.iter().map(of_part).fold(0.0, f64::max) };
-        let gain = scope_taken / own_error;
+        let real = |p: &(Vec<usize>, screen::Gains)| best_base.over(&p.0, self.best_ground) - base.over(&p.0, i) + sum(&p.1.scope, i);
+        let most = |f: &dyn Fn(&(Vec<usize>, screen::Gains)) -> f64| parts.iter().map(f).fold(f64::NEG_INFINITY, f64::max);
+        let size = most(&|p| self.work.of_effort(real(p), &p.0));
+        let gain = most(&|p| real(p) / best_base.over(&p.0, self.best_ground).max(f64::MIN_POSITIVE));
         Some((Trial { variant: variant.clone(), ground: i, taken, gain, size, wins }, nulls))
     }
 }

@@ -286,7 +286,7 @@ impl Problem<'_, '_> {
         OutputError {
             found: self.unknowns.iter().enumerate().map(found).collect(),
             condition: condition(&squares.jacobian),
-            confounded: self.confounded(&covariance, &shown),
+            confounded: self.confounded(&shown),
             notes: shown.notes(self.unknowns),
             covariance,
             fitted: self.fit.iter().enumerate().map(|(i, t)| meet(t, (self.simulate)(&squares.x, i))).collect(),
@@ -328,13 +328,14 @@ impl Problem<'_, '_> {
         })
     }
 
-    fn confounded(&self, covariance: &Mat<f64>, shown: &Shown) -> Vec<Confounded> {
+    /// Which pairs trade places: how alike their columns are, whatever the noise is.
+    fn confounded(&self, shown: &Shown) -> Vec<Confounded> {
         let n = self.unknowns.len();
         let pair = |i: usize, k: usize| {
             // Two parameters that have a part in one hidden direction trade places along it.
             let together = shown.hidden.iter().map(|d| d[i] * d[k]).find(|x| x.abs() > PART * PART);
-            let both = (covariance[(i, i)] * covariance[(k, k)]).sqrt();
-            let correlation = together.map_or_else(|| if both > 0.0 { covariance[(i, k)] / both } else { 0.0 }, f64::signum);
+            let both = (shown.inverse[(i, i)] * shown.inverse[(k, k)]).sqrt();
+            let correlation = together.map_or_else(|| if both > 0.0 { shown.inverse[(i, k)] / both } else { 0.0 }, f64::signum);
             let names = [i, k].map(|i| self.unknowns[i].name.clone());
             (correlation.abs() > CONFOUNDED).then_some(Confounded { names, correlation })
         };

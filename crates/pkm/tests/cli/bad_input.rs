@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::fixture::{RIG_TOML, RIG_URDF, csv_lines, demo, pkm, refused, rig, rig_with_recordings};
+use crate::fixture::{RIG_TOML, RIG_URDF, csv_lines, demo, pkm, prints, refused, rig, rig_with_recordings};
 
 /// Every output there is, so that none may appear.
 const OUTPUTS: [&str; 6] = ["--json", "out.json", "--html", "out.html", "--refined", "out.toml"];
@@ -91,7 +91,9 @@ fn a_recording_of_another_robot() {
             *line = format!("{t},{}", tenfold.join(","));
         }
     });
-    diagnosis_refused(folder.path(), "five_bar", "bad.csv", &["bad.csv", "t = ", " s", "limit 1e-9", "five_bar"]);
+    prints(folder.path(), &["diagnose", "five_bar", "--recording", "bad.csv", "--json", "out.json"]);
+    let told = fs::read_to_string(folder.path().join("out.json")).unwrap();
+    assert!(told.contains("\"unusable\"") && told.contains("bad.csv: positions do not close the loops as they are"), "{told}");
 }
 
 #[test]
