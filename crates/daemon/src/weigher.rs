@@ -2,7 +2,7 @@
 
 use pkm_dyn::Data;
 use pkm_dyn::inverse_dynamics::inverse_dynamics;
-use pkm_dyn::loops::{assemble, walk_to};
+use pkm_dyn::loops::{assemble, solve_positions};
 use pkm_dyn::model::Model;
 use pkm_hal::MAX_AXES;
 
@@ -14,8 +14,19 @@ pub struct Weigher {
     model: Model,
     data: Data,
     zero: Vec<f64>,
+    /// The assembly, and the gap that its loops keep if they do.
+    home: Vec<f64>,
+    open: Option<f64>,
+    /// Where a walk began, and where it is.
+    walk: [Vec<f64>; 2],
     is_placed: bool,
 }
+
+/// Longest way of a drive that is gone at once `[m | rad]`: one jump over a long way can land on another assembly of the same loops.
+const STRIDE: f64 = 0.01;
+
+/// Most parts of a way: a period has to end.
+const MOST_PARTS: u32 = 64;
 
 impl core::fmt::Debug for Weigher {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
@@ -27,8 +38,11 @@ impl Weigher {
     /// A model that has been nowhere.
     #[must_use]
     pub fn new(model: Model) -> Self {
-        let (data, zero) = (Data::new(&model), vec![0.0; model.n_act()]);
-        Self { model, data, zero, is_placed: false }
+        let (mut data, zero) = (Data::new(&model), vec![0.0; model.n_act()]);
+        let closure = assemble(&model, &mut data);
+        let (home, open) = (data.q.clone(), (!closure.is_closed).then_some(closure.gap));
+        let walk = [zero.clone(), zero.clone()];
+        Self { model, data, zero, home, open, walk, is_placed: false }
     }
 
     /// Efforts that hold the robot with its drives at `q` `[m | rad]`, into `tau` `[N | N·m]`; the slices have the model's drives.
@@ -37,11 +51,11 @@ impl Weigher {
     /// The gap that its loops keep there `[m | rad]`. It then begins anew from its assembly.
     pub fn weigh(&mut self, q: &[f64], tau: &mut [f64; MAX_AXES]) -> Result<(), f64> {
         if !self.is_placed {
-            for closure in [assemble(&self.model, &mut self.data), walk_to(&self.model, &mut self.data, q)] {
-                if !closure.is_closed {
-                    return Err(closure.gap);
-                }
+            if let Some(gap) = self.open {
+                return Err(gap);
             }
+            self.data.q.copy_from_slice(&self.home);
+            self.walk_to(q)?;
             self.is_placed = true;
         }
         let closure = inverse_dynamics(&self.model, &mut self.data, q, &self.zero, &self.zero);
@@ -51,6 +65,27 @@ impl Weigher {
         }
         for (to, from) in tau.iter_mut().zip(self.data.tau_act.iter()) {
             *to = *from;
+        }
+        Ok(())
+    }
+
+    /// Goes from the pose in `data` to positions of the drives, without allocating.
+    fn walk_to(&mut self, q: &[f64]) -> Result<(), f64> {
+        let (model, data, [start, way]) = (&self.model, &mut self.data, &mut self.walk);
+        start.iter_mut().zip(&model.actuators).for_each(|(s, &j)| *s = data.q[j]);
+        let far = start.iter().zip(q).map(|(s, q)| (q - s).abs()).fold(0.0, f64::max);
+        let mut parts = 1;
+        // Surplus drives contradict each other between two poses: there is no straight way to go.
+        while parts < MOST_PARTS && f64::from(parts) * STRIDE < far && data.n_ind() == model.n_act() {
+            parts += 1;
+        }
+        for part in 1..=parts {
+            let share = f64::from(part) / f64::from(parts);
+            way.iter_mut().zip(start.iter()).zip(q).for_each(|((w, s), q)| *w = s + share * (q - s));
+            let closure = solve_positions(model, data, way);
+            if !closure.is_closed {
+                return Err(closure.gap);
+            }
         }
         Ok(())
     }
