@@ -123,6 +123,9 @@ pub(crate) fn mean_and_sd(x: &[f64]) -> (f64, f64) {
     (mean, pkm_dyn::math::sqrt(variance).max(1e-6))
 }
 
+/// Rows of one kind, and what a candidate gains there.
+type Part = (Vec<usize>, screen::Gains);
+
 /// What one candidate needs to be judged.
 struct Arena<'a> {
     work: &'a Work<'a>,
@@ -167,7 +170,7 @@ impl Arena<'_> {
         let (base, best_base, n_real) = (&self.bases[i], &self.bases[self.best_ground], self.grounds.len());
         let sum = |parts: &[Vec<f64>], t: usize| parts.iter().map(|f| f[t]).sum::<f64>();
         // Efforts and other positions each have their own errors: a candidate is judged where it does most.
-        let parts: Vec<(Vec<usize>, screen::Gains)> = self
+        let parts: Vec<Part> = self
             .work
             .kinds_of_rows(&c.scope)
             .into_iter()
@@ -177,7 +180,7 @@ impl Arena<'_> {
             })
             .collect();
         // Squared error that is taken away from some rows, and what was there.
-        let of_part = |(part, g): &(Vec<usize>, screen::Gains), t: usize, best: &Base| {
+        let of_part = |(part, g): &Part, t: usize, best: &Base| {
             let error = best.over(part, t);
             (error - base.over(part, t) + sum(&g.scope, t), error.max(f64::MIN_POSITIVE))
         };
@@ -187,8 +190,8 @@ impl Arena<'_> {
         let g = &parts.first()?.1;
         let taken = best_base.total(self.best_ground) - base.total(i) + sum(&g.all, i);
         let wins = (0..g.all.len()).filter(|&f| fold_taken(self.bases, self.best_ground, i, f) + g.all[f][i] > 0.0).count();
-        let real = |p: &(Vec<usize>, screen::Gains)| best_base.over(&p.0, self.best_ground) - base.over(&p.0, i) + sum(&p.1.scope, i);
-        let most = |f: &dyn Fn(&(Vec<usize>, screen::Gains)) -> f64| parts.iter().map(f).fold(f64::NEG_INFINITY, f64::max);
+        let real = |p: &Part| best_base.over(&p.0, self.best_ground) - base.over(&p.0, i) + sum(&p.1.scope, i);
+        let most = |f: &dyn Fn(&Part) -> f64| parts.iter().map(f).fold(f64::NEG_INFINITY, f64::max);
         let size = most(&|p| self.work.of_effort(real(p), &p.0));
         let gain = most(&|p| real(p) / best_base.over(&p.0, self.best_ground).max(f64::MIN_POSITIVE));
         Some((Trial { variant: variant.clone(), ground: i, taken, gain, size, wins }, nulls))

@@ -147,9 +147,9 @@ mod tests {
                 assert!(closed_loop_motion(&model, &mut data, &q, &at(1.0), &at(3.0)).is_closed);
                 let (w, tau) = (actuated_regressor(&model, &mut data).clone(), at(7.0));
                 parts[usize::from(i >= 170)].push(&w, &tau);
-                for k in 0..w.nrows() {
+                for (k, effort) in tau.iter().enumerate() {
                     rows.push(w.row(k).iter().copied().collect::<Vec<_>>());
-                    efforts.push(tau[k]);
+                    efforts.push(*effort);
                 }
             }
             let [mut all, rest] = parts;

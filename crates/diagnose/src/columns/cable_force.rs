@@ -105,8 +105,8 @@ mod tests {
         let reading = Effect.read(&view(&bench.model, &own, &parabola.values)).expect("a cable may pull in any way");
         let values = bench.values("cable_force", &reading);
         let columns: Vec<Vec<f64>> = parabola.sources[1..].iter().map(|s| series(s, &bench.motion)).collect();
-        for i in 0..columns[0].len() {
-            let sum = own[0] + own[1] * columns[0][i] + own[2] * columns[1][i];
+        for (i, (line, bend)) in columns[0].iter().zip(&columns[1]).enumerate() {
+            let sum = own[0] + own[1] * line + own[2] * bend;
             assert!((sum - bench.effort("cable_force", &values, i)).abs() < 1e-9);
         }
     }

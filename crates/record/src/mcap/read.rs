@@ -76,10 +76,10 @@ pub(crate) fn read_controls(
             Event::Schema { id, name } if name == schema::CONTROL => {
                 types.insert(id);
             }
-            Event::Channel { id, schema, topic, encoding } => {
-                if types.contains(&schema) && topic == columns::CONTROLS && encoding == schema::MESSAGES {
-                    channels.insert(id);
-                }
+            Event::Channel { id, schema, topic, encoding }
+                if types.contains(&schema) && topic == columns::CONTROLS && encoding == schema::MESSAGES =>
+            {
+                channels.insert(id);
             }
             Event::Metadata { name, pairs } if name == super::RECORD => {
                 let seconds: i32 = pairs.get(meta::TIME_OFFSET).and_then(|text| text.parse().ok()).unwrap_or(0);
