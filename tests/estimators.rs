@@ -308,6 +308,28 @@ fn a_shape_that_the_motion_does_not_show_is_said() {
 }
 
 #[test]
+fn a_friction_peak_is_not_taken_for_a_drag_as_wide_as_the_motion_is_fast() {
+    let description = rig_with(
+        "[[effect]]\nname = \"friction_stribeck\"\nwhere = \"j1\"\nparameters = { coulomb = 0.5, stiction = 0.5, stribeck_velocity = 0.6 }\n",
+    );
+    let mut model = description.bare.clone();
+    model.joints.iter_mut().for_each(|j| j.coulomb = 0.0);
+    let values = [("coulomb", 0.5), ("stiction", 2.0), ("stribeck_velocity", 0.3)].map(|(n, x)| (n.to_string(), x));
+    let peak = Applied::try_new(&model, "friction_stribeck", "j1", &values).expect("an effect");
+    let truth = Robot::new(model, vec![peak]);
+    // The error has a second valley at 1.45 rad/s, just below the top speed of 1.55 rad/s.
+    for noise in [0.0, 0.02] {
+        let train = made(&truth, 1, 12.0, noise);
+        let answer = go(&description.robot, &[train], &[], &Settings { shapes: Shapes::Estimated, ..Settings::default() });
+        let shape = &answer.shapes[0];
+        println!("{noise}: {shape:?}");
+        assert!(shape.is_shown && (shape.value / 0.3 - 1.0).abs() < 0.1, "{shape:?}");
+        // Without noise what is left is the softness of the sign, no scatter that an interval could be about.
+        assert!(noise <= 0.0 || (shape.ci95[0] < 0.3 && 0.3 < shape.ci95[1] && shape.ci95[1] < 2.0 * shape.ci95[0]), "{shape:?}");
+    }
+}
+
+#[test]
 fn a_shape_that_no_logarithm_has_is_refused_in_one_line() {
     let description = rig_with("[[effect]]\nname = \"friction_quadratic\"\nwhere = \"j1\"\nparameters = { drag = 0.1, exponent = 0.0 }\n");
     let train = made(&Robot::new(description.bare.clone(), Vec::new()), 1, 5.0, 0.02);

@@ -22,9 +22,14 @@ use crate::statistics::{Residual, critical_95, residual_series};
 const FIRST: f64 = 2.0;
 const RANGE: f64 = 1000.0;
 
-/// Factors by which each shape is tried away from its stated value before the search: the profile has other valleys, in which a friction
-/// peak stands for a drag that grows with speed. Powers of the root of three: at steps of three the right valley can look the shallower one.
-const TRIED: [f64; 12] = [1.0 / 27.0, 0.0642, 1.0 / 9.0, 0.1925, 1.0 / 3.0, 0.5774, 1.732, 3.0, 5.196, 9.0, 15.59, 27.0];
+/// Factors of the stated value at which each shape is tried before the search, in ascending order: the profile has several valleys, since a
+/// friction peak as wide as the motion is fast stands for a drag that grows with speed. A valley is the narrower the less the noise, so
+/// that trials say where valleys are and not which is the deepest.
+const TRIED: [f64; 13] = [1.0 / 27.0, 0.0642, 1.0 / 9.0, 0.1925, 1.0 / 3.0, 0.5774, 1.0, 1.732, 3.0, 5.196, 9.0, 15.59, 27.0];
+
+/// Walks over the recordings to the bottom of a valley, at most, and the first step there: half of that between trials.
+const DESCENT: usize = 16;
+const STRIDE: f64 = 1.316;
 
 /// Walks over the recordings per shape, at most, those trials apart.
 const WALKS: usize = 60;
@@ -46,9 +51,11 @@ pub struct Shape {
     pub stated: f64,
     /// As found.
     pub value: f64,
-    /// 95 % interval, from the curvature of the profile; to an end of the range where the shape there does as well as the one found.
+    /// 95 % interval, from the curvature of the profile; to an end of the range or to another valley where the shape there does as well as
+    /// the one found.
     pub ci95: [f64; 2],
-    /// Whether the motion shows this shape: the search ended inside its range, with curvature, and neither end of it does as well.
+    /// Whether the motion shows this shape: the search ended inside its range, with curvature, and neither an end of it nor another valley
+    /// does as well.
     pub is_shown: bool,
 }
 
@@ -98,27 +105,29 @@ pub fn projected(robot: &Robot, fit: &[Recording], kind: Use, rows: RowOptions) 
         .zip(&places)
         .map(|(x, p)| Bounds { lower: (x - math::ln(RANGE)).max(math::ln(p.lower.max(f64::MIN_POSITIVE))), upper: x + math::ln(RANGE) })
         .collect();
-    let start = search.best_valley(&start, &bounds);
+    let (start, valleys) = search.best_valley(&start, &bounds);
     let steps = vec![math::ln(FIRST); places.len()];
     let options = Options { evaluations: WALKS * places.len(), step: 5e-3, cost: 1e-6 };
     let found = nelder_mead(&mut |x| search.cost(x), &start, &steps, &bounds, &options);
     let values = if found.ending == Ending::NoStart { start } else { found.x };
-    let spread = search.spread(&values, &bounds)?;
+    let spread = search.spread(&values, &bounds, &valleys)?;
     if let Some(error) = search.error {
         return Err(error);
     }
     let robot = search.with(&values);
     let shape = |(k, p): (usize, &Place)| {
         let at_edge = (values[k] - bounds[k].lower).min(bounds[k].upper - values[k]) < 0.01;
-        let Spread { half, reaches: [low, high] } = spread[k];
-        let [below, above] = [low, high].map(|reaches| if reaches { f64::INFINITY } else { half });
+        let Spread { half, alike: [low, high] } = spread[k];
         Shape {
             name: p.name.clone(),
             unit: p.unit,
             stated: stated[k],
             value: math::exp(values[k]),
-            ci95: [math::exp((values[k] - below).max(bounds[k].lower)), math::exp((values[k] + above).min(bounds[k].upper))],
-            is_shown: !at_edge && half < math::ln(RANGE) && !low && !high,
+            ci95: [
+                math::exp((values[k] - half).min(low).max(bounds[k].lower)),
+                math::exp((values[k] + half).max(high).min(bounds[k].upper)),
+            ],
+            is_shown: !at_edge && half < math::ln(RANGE) && low >= values[k] && high <= values[k],
         }
     };
     Ok((robot, places.iter().enumerate().map(shape).collect()))
@@ -129,8 +138,8 @@ pub fn projected(robot: &Robot, fit: &[Recording], kind: Use, rows: RowOptions) 
 struct Spread {
     /// Half width of the 95 % interval by the curvature; infinite without.
     half: f64,
-    /// Whether the lower and the upper end of the range do as well as the shape found.
-    reaches: [bool; 2],
+    /// The lowest and the highest of the shape found, the ends of its range and other valleys, as far as they do as well.
+    alike: [f64; 2],
 }
 
 struct Search<'s> {
@@ -153,24 +162,30 @@ impl Search<'_> {
         robot
     }
 
-    /// The best of the trials of one shape after the other.
-    fn best_valley(&mut self, start: &[f64], bounds: &[Bounds]) -> Vec<f64> {
-        let mut best = (self.cost(start), start.to_vec());
+    /// The deepest valley of one shape after the other, and the bottoms of all valleys of each.
+    fn best_valley(&mut self, start: &[f64], bounds: &[Bounds]) -> (Vec<f64>, Vec<Vec<f64>>) {
+        let (mut best, mut valleys) = (start.to_vec(), Vec::new());
         for (k, bound) in bounds.iter().enumerate() {
-            let from = best.1.clone();
-            for factor in TRIED {
-                let mut there = from.clone();
-                there[k] = start[k] + math::ln(factor);
-                if there[k] < bound.lower || there[k] > bound.upper {
-                    continue;
-                }
-                let cost = self.cost(&there);
-                if cost < best.0 {
-                    best = (cost, there);
-                }
+            let mut at = |x: f64| {
+                let mut there = best.clone();
+                there[k] = x;
+                self.cost(&there)
+            };
+            let places = TRIED.iter().map(|factor| start[k] + math::ln(*factor)).filter(|x| (bound.lower..=bound.upper).contains(x));
+            let tried: Vec<(f64, f64)> = places.map(|x| (at(x), x)).collect();
+            let options = Options { evaluations: DESCENT, step: 0.02, cost: 1e-4 };
+            let bottom = |(_, x): &(f64, f64)| {
+                let found = nelder_mead(&mut |x| at(x[0]), &[*x], &[math::ln(STRIDE)], core::slice::from_ref(bound), &options);
+                (found.cost, found.x[0])
+            };
+            let mut bottoms: Vec<(f64, f64)> = lows(&tried).map(bottom).collect();
+            bottoms.sort_by(|a, b| a.0.total_cmp(&b.0));
+            if let Some((_, x)) = bottoms.first().filter(|b| b.0.is_finite()) {
+                best[k] = *x;
             }
+            valleys.push(bottoms.into_iter().map(|b| b.1).collect());
         }
-        best.1
+        (best, valleys)
     }
 
     /// Weighted squared error of the best linear parameters.
@@ -211,8 +226,8 @@ impl Search<'_> {
         Ok((rows * math::exp(log / rows), theta))
     }
 
-    /// Intervals of the logarithms.
-    fn spread(&mut self, x: &[f64], bounds: &[Bounds]) -> Result<Vec<Spread>, InputError> {
+    /// Intervals of the logarithms; `valleys` are other places at which each could be.
+    fn spread(&mut self, x: &[f64], bounds: &[Bounds], valleys: &[Vec<f64>]) -> Result<Vec<Spread>, InputError> {
         let n = x.len();
         // Errors in units of the noise that the shapes found leave.
         self.noise.clear();
@@ -240,17 +255,27 @@ impl Search<'_> {
         let mut out = Vec::new();
         for (k, bound) in bounds.iter().enumerate() {
             let half = inverse.as_ref().map_or(f64::INFINITY, |c| critical * (colour * c[(k, k)].max(0.0)).sqrt());
-            // A law that is hardly there has a bent profile all the same, between ends at which it is another law's: the interval of the
-            // likelihood ratio goes as far as the error does not grow by what chance brings.
-            let reaches = [bound.lower, bound.upper].map(|end| {
+            // A law that is hardly there has a bent profile all the same, between ends at which it is another law's, and a profile has several
+            // valleys: the interval of the likelihood ratio goes wherever the error does not grow by more than chance brings.
+            let mut alike = [x[k]; 2];
+            let others = valleys[k].iter().filter(|place| (**place - x[k]).abs() > half.max(BEND));
+            for place in [bound.lower, bound.upper].iter().chain(others) {
                 let mut there = x.to_vec();
-                there[k] = end;
-                self.cost(&there) - middle < critical * critical * colour
-            });
-            out.push(Spread { half, reaches });
+                there[k] = *place;
+                if self.cost(&there) - middle < critical * critical * colour {
+                    alike = [alike[0].min(*place), alike[1].max(*place)];
+                }
+            }
+            out.push(Spread { half, alike });
         }
         Ok(out)
     }
+}
+
+/// Trials of `(cost, place)` whose neighbours cost no less.
+fn lows(tried: &[(f64, f64)]) -> impl Iterator<Item = &(f64, f64)> {
+    let cost = move |i: Option<usize>| i.and_then(|i| tried.get(i)).map_or(f64::INFINITY, |t| t.0);
+    tried.iter().enumerate().filter(move |(i, t)| t.0 <= cost(i.checked_sub(1)) && t.0 < cost(Some(i + 1))).map(|(_, t)| t)
 }
 
 /// Independent columns of a triangle by pivoted QR, ascending.
