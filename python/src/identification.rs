@@ -120,7 +120,11 @@ impl Identification {
     #[new]
     #[pyo3(signature = (robot, *, method = "sdp", band_hz = None, hold = Vec::new(), shapes = false, gains = false, payload = None,
         outliers = None, rate_hz = None, period_s = None, late_s = None, find_late_s = None, derivative = "filtered"))]
-    #[expect(clippy::too_many_arguments, reason = "keywords of Python: the flags of `pkm identify` by name")]
+    #[expect(
+        clippy::too_many_arguments,
+        clippy::fn_params_excessive_bools,
+        reason = "keywords of Python: the flags of `pkm identify` by name"
+    )]
     fn new(
         robot: &Bound<'_, Robot>,
         method: &str,

@@ -1,4 +1,4 @@
-//! A loop to look at while it runs: a WebSocket server in Foxglove's protocol, which Foxglove and PlotJuggler speak.
+//! A loop to look at while it runs: a WebSocket server in Foxglove's protocol, which Foxglove and `PlotJuggler` speak.
 //!
 //! What is shown are the topics that are recorded, thinned out to what eyes can follow. Periods come from the thread of the recording
 //! ([`Live::tap`]) into a short queue that drops the oldest; the loop knows nothing of any of this. A viewer that is slow loses messages,

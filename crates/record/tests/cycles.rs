@@ -139,6 +139,7 @@ impl Disk {
 fn cycles(path: &Path) -> Vec<u64> {
     let recording = pkm_record::read(path, &made_up::recover()).unwrap();
     let sent = recording.signal("tau_cmd.q3").unwrap();
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of milliseconds since the epoch of the file")]
     let numbers: Vec<u64> = recording.time.iter().map(|t| ((t - EPOCH as f64 * 1e-9) * 1000.0).round() as u64).collect();
     for (cycle, value) in numbers.iter().zip(sent) {
         assert_eq!(value.to_bits(), number(*cycle, 72).to_bits(), "{cycle}");

@@ -264,6 +264,7 @@ fn evidence() -> Evidence {
         ],
         null_surprise: [3.6, 4.9],
         null_runs: 199,
+        ..Evidence::default()
     }
 }
 
