@@ -102,6 +102,23 @@ fn a_motion_is_followed_and_a_stop_stays_on_its_path() {
 }
 
 #[test]
+fn a_law_of_contact_without_its_wrench_is_stopped_and_a_position_loop_is_not() {
+    let clock = ManualClock::new(0);
+    let robot = rig::robot("prs3");
+    // A wrench is said to be there, and the device has no sensors: no part of it is ever measured.
+    let settings = pkm_daemon::config::Settings { wrench: Some(0), ..rig::settings(&robot) };
+    let hal = rig::guarded(&robot, &settings, &[0.14, 0.15, 0.16], &clock);
+    let mut rig = Rig::new(hal, robot, settings, &clock);
+    rig.playing();
+    rig.plain(OrderKind::Stop).unwrap();
+    rig.until(Phase::Holding, 200);
+    let (run, hold) = (Some(controller(&rig.robot)), Some(controller(&rig.robot)));
+    rig.order(Order { controller: run, hold, phase: Phase::Force, ..Order::plain(OrderKind::Start, 0) }).unwrap();
+    rig.periods(2);
+    assert_eq!(rig.transitions.last().map(|t| (t.from, t.to, t.cause)), Some((Phase::Force, Phase::SafeStop, Cause::NotMeasured)));
+}
+
+#[test]
 fn a_stop_on_the_way_home_slows_down_on_that_way() {
     let clock = ManualClock::new(0);
     let robot = rig::robot("prs3");
