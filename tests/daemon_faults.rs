@@ -505,3 +505,41 @@ fn a_loop_that_panics_sends_the_safe_action_and_says_so() {
     let _ = hal.read();
     assert!(hal.trip().is_some(), "and expires");
 }
+
+/// A controller that pushes outwards from beyond an end: the limits lead back without throwing efforts to and fro.
+#[test]
+fn outside_an_end_the_limits_lead_back_and_efforts_do_not_flip() {
+    for (start, push) in [([0.31; 3], 700.0), ([-0.01; 3], -300.0)] {
+        let clock = ManualClock::new(1_000_000_000);
+        let robot = robot("prs3");
+        let settings = settings(&robot);
+        let mut hal = guarded(&robot, &settings, &start, &clock);
+        let (mut flips, mut peak, mut before) = ([0; 3], 0.0_f64, [0.0; 3]);
+        for sequence in 1..=400 {
+            clock.advance(PERIOD_NS);
+            let state = hal.read().expect("the robot is there");
+            let mode = if sequence == 1 { pkm_hal::Mode::Arm } else { pkm_hal::Mode::Effort };
+            let now_ns = clock.now_ns();
+            let mut command =
+                CommandFrame { nonce: 7, sequence, stamp_ns: now_ns, valid_until_ns: now_ns + 50_000_000, ..CommandFrame::new(3, mode) };
+            if sequence > 1 {
+                command.tau[..3].fill(push);
+            }
+            command.state_sequence = state.sequence;
+            hal.write(&command.sealed()).expect("it is admitted");
+            let sent = *hal.sent().expect("it knows");
+            for k in 0..3 {
+                // Less than a tenth of the weight is no throw.
+                flips[k] += u32::from(sent[k] * before[k] < 0.0 && (sent[k] - before[k]).abs() > 20.0);
+                before[k] = sent[k];
+                peak = peak.max(sent[k].abs());
+            }
+        }
+        let q = hal.read().expect("the robot is there").q;
+        // Back to within a centimetre of the end it began beyond, and standing there.
+        let end = if push > 0.0 { 0.3 } else { 0.0 };
+        assert!(flips.iter().all(|n| *n <= 3), "from {start:?}: {flips:?} flips in 400 periods, up to {peak} N");
+        assert!((0..3).all(|k| (q[k] - end) * push.signum() < 0.02), "from {start:?}: {q:?}");
+        assert!(hal.trip().is_none());
+    }
+}

@@ -7,7 +7,7 @@ mod rig;
 use pkm_daemon::{Motion, Order, OrderKind, Refusal, Wanted};
 use pkm_hal::cycle::flags;
 use pkm_hal::frame::status;
-use pkm_hal::{Backend, Cause, ManualClock, Phase, Signal};
+use pkm_hal::{Backend, Cause, Clock, ManualClock, Phase, Signal};
 use rig::{Rig, controller, rig};
 
 #[test]
@@ -99,6 +99,87 @@ fn a_motion_is_followed_and_a_stop_stays_on_its_path() {
     rig.periods(100);
     assert_eq!(rig.last().q_ref, held);
     assert_eq!(rig.transitions.last().map(|t| (t.to, t.cause)), Some((Phase::Holding, Cause::Order)));
+}
+
+#[test]
+fn a_law_of_contact_without_its_wrench_is_stopped_and_a_position_loop_is_not() {
+    let clock = ManualClock::new(0);
+    let robot = rig::robot("prs3");
+    // A wrench is said to be there, and the device has no sensors: no part of it is ever measured.
+    let settings = pkm_daemon::config::Settings { wrench: Some(0), ..rig::settings(&robot) };
+    let hal = rig::guarded(&robot, &settings, &[0.14, 0.15, 0.16], &clock);
+    let mut rig = Rig::new(hal, robot, settings, &clock);
+    rig.playing();
+    rig.plain(OrderKind::Stop).unwrap();
+    rig.until(Phase::Holding, 200);
+    let (run, hold) = (Some(controller(&rig.robot)), Some(controller(&rig.robot)));
+    rig.order(Order { controller: run, hold, phase: Phase::Force, ..Order::plain(OrderKind::Start, 0) }).unwrap();
+    rig.periods(2);
+    assert_eq!(rig.transitions.last().map(|t| (t.from, t.to, t.cause)), Some((Phase::Force, Phase::SafeStop, Cause::NotMeasured)));
+}
+
+#[test]
+fn a_stop_on_the_way_home_slows_down_on_that_way() {
+    let clock = ManualClock::new(0);
+    let robot = rig::robot("prs3");
+    let settings = rig::settings(&robot);
+    let hal = rig::guarded(&robot, &settings, &[0.08; 3], &clock);
+    let mut rig = Rig::new(hal, robot, settings, &clock);
+    rig.periods(3);
+    rig.arm().unwrap();
+    rig.until(Phase::Homing, 10);
+    // Until it is at its fastest.
+    for _ in 0..2000 {
+        rig.periods(1);
+        if rig.last().v_ref[0] > 0.05 {
+            break;
+        }
+    }
+    let fast = rig.last().v_ref[0];
+    assert!(fast > 0.05 && rig.machine.phase() == Phase::Homing, "{fast}");
+    rig.plain(OrderKind::Stop).unwrap();
+    let begin = rig.records.len() - 2;
+    let periods = rig.until(Phase::Holding, 1000);
+    assert!((90..=101).contains(&periods), "half a second at 200 Hz: {periods}");
+    for pair in rig.records[begin..].windows(2) {
+        // From its speed to a stand within half a second, evenly: never a step.
+        let step = (pair[1].v_ref[0] - pair[0].v_ref[0]).abs();
+        assert!(step < 4.0 * fast / 100.0, "{step} m/s in one period, from {fast}");
+    }
+    assert_eq!(rig.transitions.last().map(|t| (t.to, t.cause)), Some((Phase::Holding, Cause::Order)));
+    let left = 0.15 - rig.last().q_ref[0];
+    assert!(left > 5e-3, "it stopped on the way, not at its end: {left}");
+}
+
+/// How far a robot without brakes has come from `pose` after 3 s without a loop `[m]`.
+fn gone_after(rig: &mut Rig<'_, pkm_hal::FaultyHal<'_, rig::Guarded<'_>>>, pose: &[f64]) -> f64 {
+    let clock = rig.clock;
+    let hal = rig.machine.hal_mut().inner_mut();
+    let mut most = 0.0_f64;
+    for _ in 0..600 {
+        clock.advance(5_000_000);
+        let Ok(state) = hal.read() else { return f64::INFINITY };
+        most = (0..3).filter_map(|k| state.measured(Signal::Position, k).map(|q| (q - pose[k]).abs())).fold(most, f64::max);
+    }
+    most
+}
+
+#[test]
+fn a_robot_that_is_left_stays_where_it_is_and_one_that_is_switched_off_falls() {
+    for (is_off, range) in [(false, 0.0..0.02), (true, 0.1..f64::INFINITY)] {
+        let clock = ManualClock::new(0);
+        let mut rig = rig(&[], &clock);
+        rig.playing();
+        rig.plain(OrderKind::Stop).unwrap();
+        rig.until(Phase::Holding, 200);
+        let pose = rig.last().state.q;
+        if is_off {
+            rig.plain(OrderKind::Off).unwrap();
+        }
+        rig.machine.leave(clock.now_ns());
+        let moved = gone_after(&mut rig, &pose);
+        assert!(range.contains(&moved), "off {is_off}: {moved} m");
+    }
 }
 
 #[test]

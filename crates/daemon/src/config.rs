@@ -13,10 +13,14 @@ use pkm_hal::{AxisLimits, MAX_AXES, SafeAction, SafeKind};
 use crate::gate::GateLimits;
 use crate::machine::Limits;
 use crate::realtime::Policy;
+use crate::weigher::reflected;
 use layout::{File, PerDrive};
 
 /// Largest file read `[bytes]`.
 const MAX_BYTES: u64 = 1 << 20;
+
+/// Largest usual `velocity_gain`, in moved masses over the period: far below 1, where a state one period old makes braking unstable.
+const FIRMEST: f64 = 0.2;
 
 /// Slowest and fastest loop `[Hz]`.
 const RATES_HZ: [f64; 2] = [1.0, 20_000.0];
@@ -258,7 +262,13 @@ impl Reader<'_> {
         let (position_gain, velocity_gain) = (l.position_gain.as_ref(), l.velocity_gain.as_ref());
         let positive = [0.0, f64::MAX];
         let fast = self.each("limits.position_gain", position_gain, |_| 0.25 / (5.0 * self.period), positive)?;
-        let firm = self.each("limits.velocity_gain", velocity_gain, |k| 10.0 * effort[k] / velocity[k].min(10.0), positive)?;
+        let mass = reflected(self.model);
+        // Braked within some periods, whatever is moved: a gain beyond its mass over the period overshoots, and flips between both efforts.
+        let firm = |k: usize| {
+            let most = if mass[k] > 0.0 { FIRMEST * mass[k] / self.period } else { f64::INFINITY };
+            (10.0 * effort[k] / velocity[k].min(10.0)).min(most)
+        };
+        let firm = self.each("limits.velocity_gain", velocity_gain, firm, positive)?;
         for k in 0..self.n() {
             self.within_own(k, [effort[k], velocity[k], lower[k], upper[k]])?;
         }

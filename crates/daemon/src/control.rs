@@ -7,6 +7,8 @@ use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use pkm_hal::{Clock, SystemClock};
+
 /// Longest request read `[bytes]`.
 const MAX_REQUEST: u64 = 64;
 
@@ -55,17 +57,26 @@ impl Door {
         Ok(Self { listener, path })
     }
 
-    /// The next request, if somebody stands there; a client that says nothing in time is sent away.
+    /// The next request, if somebody stands there; a client that has not said all of it in time is sent away.
     pub fn request(&self) -> Option<Request> {
         let (stream, _) = self.listener.accept().ok()?;
         stream.set_nonblocking(false).ok()?;
-        stream.set_read_timeout(Some(PATIENCE)).ok()?;
         stream.set_write_timeout(Some(PATIENCE)).ok()?;
+        let end_ns = SystemClock.now_ns().saturating_add(u64::try_from(PATIENCE.as_nanos()).unwrap_or(u64::MAX));
         let mut bytes = Vec::new();
         let mut byte = [0];
         let mut reader = (&stream).take(MAX_REQUEST);
-        while matches!(reader.read(&mut byte), Ok(1)) && byte[0] != b'\n' {
-            bytes.push(byte[0]);
+        loop {
+            // The time is for the whole request: a byte now and then buys no more of it.
+            let left = Duration::from_nanos(end_ns.saturating_sub(SystemClock.now_ns()));
+            if left.is_zero() || stream.set_read_timeout(Some(left)).is_err() {
+                bytes.clear();
+                break;
+            }
+            match reader.read(&mut byte) {
+                Ok(1) if byte[0] != b'\n' => bytes.push(byte[0]),
+                _ => break,
+            }
         }
         Some(Request { text: String::from_utf8_lossy(&bytes).trim().to_string(), stream })
     }
@@ -136,5 +147,26 @@ mod tests {
         talker.write_all(&[b'x'; 1000]).unwrap();
         assert_eq!(door.request().expect("it is there").text.len(), 64);
         assert!(door.request().is_none());
+    }
+
+    #[test]
+    fn a_client_that_drips_gets_no_more_time_than_any_other() {
+        let dir = tempfile::tempdir().unwrap();
+        let door = Door::open(dir.path()).unwrap();
+        let mut dripper = UnixStream::connect(dir.path().join(SOCKET)).unwrap();
+        let client = std::thread::spawn(move || {
+            // A byte each 50 ms, within the time of a read: all of it takes 3 s.
+            for _ in 0..60 {
+                std::thread::sleep(Duration::from_millis(50));
+                if dripper.write_all(b"x").is_err() {
+                    return;
+                }
+            }
+        });
+        let begin_ns = SystemClock.now_ns();
+        assert_eq!(door.request().expect("it is there").text, "");
+        let took_ns = SystemClock.now_ns() - begin_ns;
+        assert!(took_ns < 2_000_000_000, "{took_ns} ns");
+        client.join().unwrap();
     }
 }

@@ -12,7 +12,7 @@ use pkm_hal::cycle::flags;
 use pkm_hal::frame::status;
 use pkm_hal::safe_action::Trip;
 use pkm_hal::{
-    Backend, Cause, Clock, CommandFrame, CycleRecord, CycleSink, HalError, MAX_AXES, Mode, Phase, SafeAction, Signal, Transition,
+    Backend, Carried, Cause, Clock, CommandFrame, CycleRecord, CycleSink, HalError, MAX_AXES, Mode, Phase, SafeAction, Signal, Transition,
 };
 
 use crate::blend::Blend;
@@ -21,7 +21,7 @@ use crate::grid::{Beat, LateShare};
 use crate::motion::{Motion, Move, Wanted};
 use crate::order::{Answer, Order, Waste};
 use crate::weigher::{Weigher, Wrench};
-use course::{Course, Progress};
+use course::{Course, Progress, Time};
 use session::Session;
 
 /// Numbers of a [`Machine`].
@@ -124,6 +124,8 @@ pub struct Machine<B, S> {
     next: Option<Box<dyn Motion>>,
     wanted: Wanted,
     wrench: Wrench,
+    /// The first part of the wrench that the newest state does not have.
+    wrench_gap: Option<usize>,
     controller: Option<Box<dyn Running>>,
     /// The controller to return to when a law of contact has ended.
     hold: Option<Box<dyn Running>>,
@@ -135,6 +137,8 @@ pub struct Machine<B, S> {
     trip: Option<Trip>,
     /// Efforts sent last.
     sent: [f64; MAX_AXES],
+    /// Efforts of late.
+    carried: Carried,
     late_in_a_row: u64,
     late: LateShare,
     since_reconnect_ns: u64,
@@ -172,6 +176,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
             next: None,
             wanted: Wanted::standing([0.0; MAX_AXES]),
             wrench: [0.0; 6],
+            wrench_gap: None,
             controller: None,
             hold: None,
             waste: Waste::default(),
@@ -179,6 +184,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
             is_first: false,
             trip: None,
             sent: [0.0; MAX_AXES],
+            carried: Carried::default(),
             late_in_a_row: 0,
             late: LateShare::new(parts.limits.period_ns),
             since_reconnect_ns: 0,
@@ -241,6 +247,14 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
         }
     }
 
+    /// Leaves the robot to its own safe action, at once where the loop was moving or holding it.
+    pub fn leave(&mut self, now_ns: u64) {
+        // In a safe stop the last command, which may be a brake's, stays until it expires.
+        if self.session.is_open && self.phase.is_moving() {
+            self.let_go(now_ns);
+        }
+    }
+
     fn begin(&mut self, tick: &Tick, dt: f64) {
         let Beat { cycle, planned_ns, skipped } = tick.beat;
         let record = &mut self.record;
@@ -263,7 +277,10 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
         let Some(state) = self.gate.state() else { return };
         self.record.state = *state;
         if let Some(sensor) = self.wrench_sensor {
-            let measured: Wrench = core::array::from_fn(|i| state.measured(Signal::Sensor, i).unwrap_or(0.0));
+            let parts: [Option<f64>; 6] = core::array::from_fn(|i| state.measured(Signal::Sensor, i));
+            self.wrench_gap = parts.iter().position(Option::is_none);
+            // A part that is missing is not zero newtons: under a law of contact it ends what is being done.
+            let measured: Wrench = parts.map(|part| part.unwrap_or(0.0));
             self.wrench = self.weigher.in_root_axes(sensor, &measured);
             self.record.wrench = self.wrench;
         }
@@ -275,7 +292,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
             Some(state) if self.record.flags & flags::NEW_STATE != 0 => self.session.offence(state, self.limits.patience),
             _ => None,
         };
-        let bad = self.gate.offence(now_ns);
+        let bad = self.gate.offence(now_ns).or_else(|| self.missing_wrench());
         match self.phase {
             Phase::Off if bad.is_none() => self.go(Phase::Ready, Offence::of(Cause::RobotThere, 0.0, 0.0), now_ns),
             Phase::Off | Phase::Fault => {}
@@ -299,6 +316,12 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
                 }
             }
         }
+    }
+
+    /// A wrench that is not whole under a law that acts on it.
+    fn missing_wrench(&self) -> Option<Offence> {
+        let place = self.wrench_gap.filter(|_| matches!(self.phase, Phase::Force | Phase::Exercise))?;
+        Some(Offence { cause: Cause::NotMeasured, place, value: 0.0, limit: 0.0 })
     }
 
     /// What the loop's own time says.
@@ -345,7 +368,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
         self.wanted = Wanted::standing(here);
         self.gate.begin();
         let order = Offence::of(Cause::Order, 0.0, 0.0);
-        let course = self.limits.home.map(|home| Course::Go { way: Move::new(here, home, &self.limits.speed), t: 0.0 });
+        let course = self.limits.home.map(|home| Course::Go { way: Move::new(here, home, &self.limits.speed), time: Time::BEGIN });
         let phase = if course.is_some() { Phase::Homing } else { Phase::Holding };
         self.replace_course(course.unwrap_or(Course::Stand));
         self.go(phase, order, now_ns);
@@ -473,6 +496,11 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
                 self.record.flags |= flags::COMMANDED;
                 let passed = *self.hal.sent().unwrap_or(&command.tau);
                 self.sent = if mode == Mode::Effort { passed } else { [0.0; MAX_AXES] };
+                if mode == Mode::Effort {
+                    self.carried.note(&passed, now_ns)
+                } else {
+                    self.carried.drop_all()
+                }
                 for k in 0..self.n {
                     let is_clipped = mode == Mode::Effort && passed[k].to_bits() != command.tau[k].to_bits();
                     self.record.clipped |= u32::from(is_clipped) << k;
@@ -517,7 +545,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
         (record.cause, record.place, record.value, record.limit) = (why.cause.code(), place, [why.value], [why.limit]);
         if to == Phase::SafeStop {
             let q = core::array::from_fn(|k| (k < self.n).then(|| self.gate.q_all()[k]));
-            self.trip = Some(Trip { at_ns: now_ns, tau: self.sent, q });
+            self.trip = Some(Trip { at_ns: now_ns, tau: *self.carried.tau(), q });
         }
         if to == Phase::Fault {
             self.trip = None;

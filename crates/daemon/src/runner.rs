@@ -31,7 +31,7 @@ impl Pace for SystemClock {
 #[error("the loop failed; the safe action was sent")]
 pub struct Failed;
 
-/// Runs `machine` until `stop` is set; `each` is told of every period that has passed.
+/// Runs `machine` until `stop` is set, then leaves the robot to its own safe action; `each` is told of every period that has passed.
 ///
 /// # Errors
 /// It panicked: the safe action has been sent once more, and expires by itself.
@@ -53,6 +53,7 @@ pub fn run<B: Backend, S: CycleSink>(
             is_overrun = grid.done(pace.now_ns());
             each(tick.beat.cycle);
         }
+        machine.leave(pace.now_ns());
     }));
     outcome.map_err(|_| {
         machine.abandon(pace.now_ns());

@@ -205,6 +205,23 @@ impl<C: CycleSource, W: Workshop, R: Reporter> Supervisor<C, W, R> {
         self.keep_black_box(now_ns, is_last);
     }
 
+    /// The last turn of all, for a loop that has not been heard of for `silence_ns` `[ns]` at `now_ns`: a fault, with its black box.
+    pub fn give_up(&mut self, now_ns: u64, silence_ns: u64) {
+        let fault = Transition {
+            cycle: self.status.periods,
+            at_ns: now_ns,
+            from: self.phase,
+            to: Phase::Fault,
+            cause: Cause::Stalled,
+            place: 0,
+            value: now_ns.saturating_sub(self.seen_ns) as f64 * 1e-9,
+            limit: silence_ns as f64 * 1e-9,
+        };
+        self.black_box.happened(&fault);
+        self.reporter.transition(&Told::new(&fault));
+        self.turn(now_ns, true);
+    }
+
     fn keep_black_box(&mut self, now_ns: u64, is_last: bool) {
         let Some(event) = self.black_box.due(now_ns, is_last) else { return };
         let told = Told::new(&event);

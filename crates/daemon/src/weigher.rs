@@ -1,8 +1,9 @@
 //! The model in the loop: what the weight asks of the drives, and where a wrench sensor's axes point.
 
 use pkm_dyn::Data;
+use pkm_dyn::constrained::reduced_mass_matrix;
 use pkm_dyn::inverse_dynamics::inverse_dynamics;
-use pkm_dyn::loops::{assemble, solve_positions};
+use pkm_dyn::loops::{assemble, drive_jacobian, solve_positions};
 use pkm_dyn::model::Model;
 use pkm_hal::MAX_AXES;
 
@@ -99,5 +100,48 @@ impl Weigher {
         let turned = |x: &[f64]| pose.rotation * nalgebra::Vector3::new(x[0], x[1], x[2]);
         let (force, moment) = (turned(&wrench[..3]), turned(&wrench[3..]));
         [force.x, force.y, force.z, moment.x, moment.y, moment.z]
+    }
+}
+
+/// What each drive of `model` moves at the assembly while the others are free: `1/(D·M⁻¹·Dᵀ)_kk` with the reduced mass matrix `M` and the
+/// drives' `D` `[kg | kg·m²]`; 0 where the robot does not close there.
+#[must_use]
+pub fn reflected(model: &Model) -> Vec<f64> {
+    let mut data = Data::new(model);
+    let none = vec![0.0; model.n_act()];
+    if !assemble(model, &mut data).is_closed {
+        return none;
+    }
+    let Some(inverse) = reduced_mass_matrix(model, &mut data).clone().try_inverse() else { return none };
+    let drives = drive_jacobian(model, &mut data);
+    let mobility = drives * inverse * drives.transpose();
+    let mass = |k: usize| Some(mobility[(k, k)].recip()).filter(|mass| mass.is_finite() && *mass > 0.0);
+    (0..model.n_act()).map(|k| mass(k).unwrap_or(0.0)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_drive_moves_is_what_it_needs_to_accelerate() {
+        let robot = pkm_robots::find("prs3").expect("shipped");
+        let model = pkm_dyn::urdf::parse(robot.toml, robot.urdf, [robot.toml_name, robot.urdf_name]).expect("it loads").robot.model;
+        let mass = reflected(&model);
+        // The same from forces: columns of the mass matrix by inverse dynamics, `tau(a = e_k) - tau(0)`, inverted.
+        let mut data = Data::new(&model);
+        assert!(assemble(&model, &mut data).is_closed);
+        let q: Vec<f64> = model.actuators.iter().map(|&j| data.q[j]).collect();
+        let mut tau = |a: [f64; 3]| {
+            inverse_dynamics(&model, &mut data, &q, &[0.0; 3], &a);
+            nalgebra::Vector3::new(data.tau_act[0], data.tau_act[1], data.tau_act[2])
+        };
+        let weight = tau([0.0; 3]);
+        let columns = [tau([1.0, 0.0, 0.0]), tau([0.0, 1.0, 0.0]), tau([0.0, 0.0, 1.0])].map(|tau| tau - weight);
+        let inverse = nalgebra::Matrix3::from_columns(&columns).try_inverse().expect("masses");
+        for k in 0..3 {
+            let want = 1.0 / inverse[(k, k)];
+            assert!(want > 1.0 && (mass[k] - want).abs() < 1e-9 * want, "{} not {want}", mass[k]);
+        }
     }
 }

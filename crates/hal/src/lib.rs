@@ -48,7 +48,7 @@ pub use cycle::{Cause, CycleRecord, CycleSink, CycleSource, Phase, Transition};
 pub use faulty::{Fault, FaultyHal, Injection};
 pub use frame::{CommandFrame, MAX_AXES, MAX_SENSORS, Mode, Signal, StateFrame};
 pub use limiter::{AxisLimits, Limiter};
-pub use safe_action::{SafeAction, SafeKind};
+pub use safe_action::{Carried, SafeAction, SafeKind};
 pub use session::Session;
 pub use units::{DacCode, DacScale, EncoderScale, EncoderTicks};
 pub use watchdog::{Watchdog, WatchdogLimits};

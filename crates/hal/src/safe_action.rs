@@ -8,11 +8,11 @@ use crate::frame::{MAX_AXES, Mode, Signal, StateFrame};
 pub enum SafeKind {
     /// Power off.
     Off,
-    /// Efforts fall evenly from the last command to zero within [`SafeAction::ramp_ns`].
+    /// Efforts fall evenly from those of late to zero within [`SafeAction::ramp_ns`].
     Ramp,
     /// `−damping·v`: the robot sinks slowly.
     Damp,
-    /// The last effort, which carries the weight, and `stiffness·(q₀ − q) − damping·v` about the position at the trip.
+    /// The effort of late, which carries the weight, and `stiffness·(q₀ − q) − damping·v` about the position at the trip.
     Hold,
     /// Mechanical brakes; power off where there are none.
     Brake,
@@ -55,12 +55,51 @@ impl SafeAction {
     }
 }
 
+/// How long efforts are averaged over `[ns]`: a controller that goes wrong flips signs within periods, a weight changes in tenths of seconds.
+const AVERAGED_NS: u64 = 50_000_000;
+
+/// What the drives have given of late: a hold starts from it, where the last effort alone may be the one that was wrong.
+///
+/// A first-order low-pass of 50 ms, stepped implicitly, so that a pause of any length is stable; efforts that stay are kept bit by bit.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Carried {
+    tau: [f64; MAX_AXES],
+    /// When efforts were noted last `[ns]`; none: the drives give nothing.
+    at_ns: Option<u64>,
+}
+
+impl Carried {
+    /// Notes efforts `tau` that go to the drives at `now_ns` `[ns]` `[N | N·m]`.
+    pub fn note(&mut self, tau: &[f64; MAX_AXES], now_ns: u64) {
+        let Some(before_ns) = self.at_ns.replace(now_ns) else {
+            self.tau = *tau;
+            return;
+        };
+        let passed = now_ns.saturating_sub(before_ns) as f64;
+        let share = passed / (passed + AVERAGED_NS as f64);
+        for (mean, tau) in self.tau.iter_mut().zip(tau) {
+            *mean += share * (tau - *mean);
+        }
+    }
+
+    /// The drives give nothing any more.
+    pub const fn drop_all(&mut self) {
+        *self = Self { tau: [0.0; MAX_AXES], at_ns: None };
+    }
+
+    /// The average `[N | N·m]`.
+    #[must_use]
+    pub const fn tau(&self) -> &[f64; MAX_AXES] {
+        &self.tau
+    }
+}
+
 /// What was known when the robot was taken from its commander.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trip {
     /// When `[ns]`.
     pub at_ns: u64,
-    /// The efforts sent last `[N | N·m]`.
+    /// The efforts of late, averaged as [`Carried`] does `[N | N·m]`.
     pub tau: [f64; MAX_AXES],
     /// Positions then `[m | rad]`, where they were measured: elsewhere no spring is hung up.
     pub q: [Option<f64>; MAX_AXES],
@@ -122,6 +161,27 @@ mod tests {
         assert_eq!(first(&action, Some(&StateFrame { valid_v: 0, ..state }), 1000), (Mode::Effort, 8.0 + 1.0));
         let trip = Trip { at_ns: 1000, tau: [8.0; MAX_AXES], q: [None; MAX_AXES] };
         assert!((action.command(&trip, Some(&state), 1000).1[0] - 14.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_carried_is_the_weight_and_not_the_last_flip() {
+        let mut carried = Carried::default();
+        carried.note(&[80.0; MAX_AXES], 0);
+        let period_ns = 5_000_000;
+        for i in 1..200 {
+            carried.note(&[80.0; MAX_AXES], i * period_ns);
+        }
+        assert!((carried.tau()[0] - 80.0).abs() < f64::EPSILON);
+        // Saturated to and fro about it: the average stays within one step of the filter, 1400·5/(5 + 50).
+        for i in 200..400 {
+            carried.note(&[if i % 2 == 0 { 1480.0 } else { -1320.0 }; MAX_AXES], i * period_ns);
+            assert!((carried.tau()[0] - 80.0).abs() < 1400.0 / 11.0, "{}", carried.tau()[0]);
+        }
+        // A step, after its time constant: 1 − 1/(1 + 1/10)^10.
+        carried.drop_all();
+        carried.note(&[0.0; MAX_AXES], 0);
+        (1..=10).for_each(|i| carried.note(&[1.0; MAX_AXES], i * period_ns));
+        assert!((carried.tau()[0] - (1.0 - 1.0 / (0..10).fold(1.0, |x, _| 1.1 * x))).abs() < 1e-12);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use crate::backend::{Backend, HalError};
 use crate::clock::Clock;
 use crate::frame::{CommandFrame, MAX_AXES, Mode, Signal, StateFrame, status};
-use crate::safe_action::{SafeAction, SafeKind, Trip};
+use crate::safe_action::{Carried, SafeAction, SafeKind, Trip};
 use crate::session::Session;
 
 /// Times that a [`Watchdog`] watches.
@@ -68,8 +68,8 @@ pub struct Watchdog<B, C> {
     state: Option<StateFrame>,
     /// End of the last admitted command's validity `[ns]`.
     valid_until_ns: u64,
-    /// Efforts that the last admitted command came to, as the device's limits let them through.
-    tau: [f64; MAX_AXES],
+    /// Efforts that admitted commands came to, as the device's limits let them through.
+    carried: Carried,
     /// Whether the session had efforts accepted.
     has_efforts: bool,
     trip: Option<Trip>,
@@ -101,7 +101,7 @@ impl<B: Backend, C: Clock> Watchdog<B, C> {
             session,
             state: None,
             valid_until_ns: 0,
-            tau: [0.0; MAX_AXES],
+            carried: Carried::default(),
             has_efforts: false,
             trip: None,
             is_off_due: false,
@@ -176,7 +176,7 @@ impl<B: Backend, C: Clock> Watchdog<B, C> {
                 self.is_off_due = true;
             } else if self.trip.is_none() {
                 let q = core::array::from_fn(|i| self.state.and_then(|state| state.measured(Signal::Position, i)));
-                self.trip = Some(Trip { at_ns: now_ns, tau: self.tau, q });
+                self.trip = Some(Trip { at_ns: now_ns, tau: *self.carried.tau(), q });
             }
         }
     }
@@ -282,8 +282,11 @@ impl<B: Backend, C: Clock> Watchdog<B, C> {
             }
             self.written += 1;
             (self.trip, self.is_off_due) = (None, false);
-            let passed = self.inner.sent().unwrap_or(&command.tau);
-            self.tau = if mode == Mode::Effort { *passed } else { [0.0; MAX_AXES] };
+            if mode == Mode::Effort {
+                self.carried.note(self.inner.sent().unwrap_or(&command.tau), now_ns);
+            } else {
+                self.carried.drop_all();
+            }
             self.has_efforts |= mode == Mode::Effort;
         }
         self.valid_until_ns = command.valid_until_ns;

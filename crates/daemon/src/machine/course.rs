@@ -9,9 +9,36 @@ pub(super) enum Course {
     /// Nothing.
     Stand,
     /// To a pose; then it stands, or plays.
-    Go { way: Move, t: f64 },
-    /// A motion, at its own time; `rate` falls from 1 to 0 while it is stopped.
-    Play { motion: Box<dyn Motion>, t: f64, rate: f64, is_stopping: bool },
+    Go { way: Move, time: Time },
+    /// A motion.
+    Play { motion: Box<dyn Motion>, time: Time },
+}
+
+/// Time of a course, which passes at `rate`; that falls from 1 to 0 while it is stopped.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Time {
+    /// So far `[s]`.
+    t: f64,
+    rate: f64,
+    pub(super) is_stopping: bool,
+}
+
+impl Time {
+    /// At the beginning.
+    pub(super) const BEGIN: Self = Self { t: 0.0, rate: 1.0, is_stopping: false };
+
+    /// Moves on by `dt` `[s]`, to `length` `[s]` at most; a stop takes `stop_s` `[s]`. Change of the rate `[1/s]`.
+    fn pass(&mut self, dt: f64, stop_s: f64, length: Option<f64>) -> (f64, Progress) {
+        let before = self.rate;
+        if self.is_stopping {
+            self.rate = if stop_s > 0.0 { (self.rate - dt / stop_s).max(0.0) } else { 0.0 };
+        }
+        self.t += 0.5 * (before + self.rate) * dt;
+        let has_ended = length.is_some_and(|length| self.t >= length);
+        self.t = length.map_or(self.t, |length| self.t.min(length));
+        let bend = if dt > 0.0 { (self.rate - before) / dt } else { 0.0 };
+        (bend, if has_ended || self.rate <= 0.0 { Progress::Done } else { Progress::Going })
+    }
 }
 
 /// What became of the course in a period.
@@ -24,26 +51,21 @@ pub(super) enum Progress {
 }
 
 impl Course {
-    /// Moves `wanted` on by `dt` `[s]`; a motion that is stopped slows down within `stop_s` `[s]`.
+    /// Moves `wanted` on by `dt` `[s]`; what is stopped slows down within `stop_s` `[s]`.
     pub(super) fn advance(&mut self, wanted: &mut Wanted, dt: f64, stop_s: f64) -> Progress {
         match self {
             Self::Stand => Progress::Going,
-            Self::Go { way, t } => {
-                *t += dt;
-                *wanted = way.at(*t);
-                if *t >= way.duration() { Progress::Done } else { Progress::Going }
+            Self::Go { way, time } => {
+                let (bend, progress) = time.pass(dt, stop_s, Some(way.duration()));
+                *wanted = way.at(time.t);
+                slow(wanted, time.rate, bend);
+                progress
             }
-            Self::Play { motion, t, rate, is_stopping } => {
-                let before = *rate;
-                if *is_stopping {
-                    *rate = if stop_s > 0.0 { (*rate - dt / stop_s).max(0.0) } else { 0.0 };
-                }
-                *t += 0.5 * (before + *rate) * dt;
-                let has_ended = motion.duration_s().is_some_and(|length| *t >= length);
-                *t = motion.duration_s().map_or(*t, |length| t.min(length));
-                motion.at(*t, wanted);
-                slow(wanted, *rate, if dt > 0.0 { (*rate - before) / dt } else { 0.0 });
-                if has_ended || *rate <= 0.0 { Progress::Done } else { Progress::Going }
+            Self::Play { motion, time } => {
+                let (bend, progress) = time.pass(dt, stop_s, motion.duration_s());
+                motion.at(time.t, wanted);
+                slow(wanted, time.rate, bend);
+                progress
             }
         }
     }
@@ -51,7 +73,7 @@ impl Course {
     /// Time into the motion that is played `[s]`.
     pub(super) const fn time(&self) -> f64 {
         match self {
-            Self::Play { t, .. } => *t,
+            Self::Play { time, .. } => time.t,
             Self::Stand | Self::Go { .. } => 0.0,
         }
     }

@@ -3,7 +3,7 @@
 use pkm_hal::{Backend, Cause, CycleSink, MAX_AXES, Mode, Phase};
 
 use super::Machine;
-use super::course::Course;
+use super::course::{Course, Time};
 use super::session::Session;
 use crate::gate::Offence;
 use crate::motion::{Move, Wanted};
@@ -84,7 +84,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
         if let Some(mut motion) = order.motion.take() {
             let mut first = self.wanted;
             motion.at(0.0, &mut first);
-            self.course = Course::Go { way: Move::new(self.wanted.q, first.q, &self.limits.speed), t: 0.0 };
+            self.course = Course::Go { way: Move::new(self.wanted.q, first.q, &self.limits.speed), time: Time::BEGIN };
             self.next = Some(motion);
         }
         self.go(order.phase, Offence::of(Cause::Order, 0.0, 0.0), self.record.read_ns);
@@ -94,23 +94,26 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
     /// Stops on the path, or where it is.
     fn slow_down(&mut self) {
         match &mut self.course {
-            Course::Play { is_stopping, .. } => *is_stopping = true,
-            Course::Go { .. } | Course::Stand if self.phase == Phase::Holding => {}
-            // On the way to a pose, and under a law of contact, it stands where it is.
-            Course::Go { .. } | Course::Stand => self.hold_here(Cause::Order),
+            Course::Go { time, .. } | Course::Play { time, .. } => time.is_stopping = true,
+            Course::Stand if self.phase == Phase::Holding => {}
+            // Under a law of contact it stands where it is.
+            Course::Stand => self.hold_here(Cause::Order),
         }
     }
 
     /// What comes when a course is at its end.
     pub(super) fn arrive(&mut self) {
-        if let (Course::Go { .. }, Some(motion)) = (&self.course, self.next.take()) {
-            self.course = Course::Play { motion, t: 0.0, rate: 1.0, is_stopping: false };
+        let was_stopped = matches!(self.course, Course::Go { time, .. } | Course::Play { time, .. } if time.is_stopping);
+        if let Course::Go { .. } = &self.course
+            && !was_stopped
+            && let Some(motion) = self.next.take()
+        {
+            self.course = Course::Play { motion, time: Time::BEGIN };
             return;
         }
         if self.phase == Phase::Holding {
             return;
         }
-        let was_stopped = matches!(self.course, Course::Play { is_stopping: true, .. });
         let cause = if was_stopped { Cause::Order } else { Cause::Arrived };
         if matches!(self.phase, Phase::Force | Phase::Exercise) {
             // A law of contact is not where its reference is.
