@@ -58,7 +58,7 @@ fn period(rig: &mut Rig<'_, Loopback<&ManualClock>>) -> usize {
     rig.machine.hal_mut().place(&q[..3], &[0.0; 3]);
     rig.clock.advance(5_000_000);
     let now_ns = rig.clock.now_ns();
-    rig.lines.heartbeat.store(now_ns, std::sync::atomic::Ordering::Relaxed);
+    rig.lines.heartbeat.store(now_ns, core::sync::atomic::Ordering::Relaxed);
     let tick = Tick { beat: rig.grid.woken(now_ns), woken_ns: now_ns, is_overrun: false };
     let before = COUNT.with(Cell::get);
     rig.machine.step(&tick, rig.clock);
@@ -124,6 +124,6 @@ fn from_arming_to_a_fault_the_loop_never_calls_the_allocator() {
     assert_eq!(cost, 0, "calls of the allocator in {} periods", rig.machine.counts().periods);
     // The counter counts.
     let before = COUNT.with(Cell::get);
-    drop(std::hint::black_box(Box::new(rig.machine.hal_mut().n_axes())));
+    drop(core::hint::black_box(Box::new(rig.machine.hal_mut().n_axes())));
     assert_eq!(COUNT.with(Cell::get) - before, 2);
 }

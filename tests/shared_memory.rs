@@ -1,11 +1,14 @@
 //! A robot in another process, over shared memory: the contract of hardware across it, either side coming back, locks, strangers, leftovers.
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails, outside #[test] functions too")]
 #![cfg(target_os = "linux")]
 
+extern crate alloc;
+
+use alloc::sync::Arc;
+use core::sync::atomic::{AtomicBool, Ordering};
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
 use pkm_hal::backends::Loopback;
@@ -34,7 +37,7 @@ impl Driver {
             let mut hal = hal();
             while !told.load(Ordering::Relaxed) {
                 let _ = driver.serve(&mut hal);
-                std::thread::sleep(std::time::Duration::from_micros(50));
+                std::thread::sleep(core::time::Duration::from_micros(50));
             }
         });
         Self { stop, thread }
@@ -69,7 +72,7 @@ fn wait(robot: &mut SharedRobot, is_it: impl Fn(&StateFrame) -> bool) -> StateFr
         }
         assert!(SystemClock.now_ns() - begin < 20_000_000_000, "no such state within 20 s: {robot:?} {:?}", robot.read());
         robot.reconnect();
-        std::thread::sleep(std::time::Duration::from_millis(1));
+        std::thread::sleep(core::time::Duration::from_millis(1));
     }
 }
 
@@ -90,7 +93,7 @@ impl Backend for Patient {
     }
 
     fn read(&mut self) -> Result<StateFrame, HalError> {
-        std::thread::sleep(std::time::Duration::from_micros(20));
+        std::thread::sleep(core::time::Duration::from_micros(20));
         self.0.read()
     }
 
@@ -187,7 +190,7 @@ fn either_side_may_end_and_come_back_without_the_other() {
             // Commands that a driver could not have seen are lost, as on any wire.
             robot_side.write(&effort(2, turn)).unwrap();
             assert!(SystemClock.now_ns() - begin < 20_000_000_000, "turn {turn}");
-            std::thread::sleep(std::time::Duration::from_millis(1));
+            std::thread::sleep(core::time::Duration::from_millis(1));
         }
         driver.end();
     }
@@ -200,7 +203,7 @@ fn either_side_may_end_and_come_back_without_the_other() {
             robot_side.write(&effort(2, turn)).unwrap();
             robot_side.reconnect();
             assert!(SystemClock.now_ns() - begin < 20_000_000_000, "turn {turn}");
-            std::thread::sleep(std::time::Duration::from_millis(1));
+            std::thread::sleep(core::time::Duration::from_millis(1));
         }
     }
     driver.end();

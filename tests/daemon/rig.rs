@@ -1,6 +1,6 @@
 //! A whole daemon loop on a simulated robot, driven by a clock that moves only when told to.
 
-use std::sync::atomic::Ordering;
+use core::sync::atomic::Ordering;
 
 use pkm_ctrl::Running;
 use pkm_daemon::config::{DaemonConfig, Settings};

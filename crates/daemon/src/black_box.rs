@@ -1,6 +1,6 @@
 //! The last seconds of the loop, always in memory, and kept when something happens.
 
-use std::collections::VecDeque;
+use alloc::collections::VecDeque;
 
 use pkm_hal::{CycleRecord, Phase, Transition};
 

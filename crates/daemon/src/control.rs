@@ -1,11 +1,11 @@
 //! The door of a daemon: a Unix socket of its user alone, one request and one line of answer per connection.
 
+use core::time::Duration;
 use std::fs;
 use std::io::{self, Read, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use pkm_hal::{Clock, SystemClock};
 

@@ -184,13 +184,13 @@ impl Gate {
     /// A drive whose position stays the same to the last bit while its reference `q_ref` goes far.
     pub fn stuck(&mut self, q_ref: &[f64; MAX_AXES]) -> Option<Offence> {
         let mut found = None;
-        for k in 0..self.n {
+        for (k, q_ref) in q_ref.iter().enumerate().take(self.n) {
             let [q, wanted] = &mut self.still[k];
             if q.to_bits() != self.q[k].to_bits() || wanted.is_nan() {
-                (*q, *wanted) = (self.q[k], q_ref[k]);
+                (*q, *wanted) = (self.q[k], *q_ref);
                 continue;
             }
-            let way = (q_ref[k] - *wanted).abs();
+            let way = (q_ref - *wanted).abs();
             if way > self.limits.stuck[k] && found.is_none() {
                 found = Some(Offence { cause: Cause::Stuck, place: k, value: way, limit: self.limits.stuck[k] });
             }

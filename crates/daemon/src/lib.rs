@@ -6,6 +6,8 @@
 //!
 //! Nothing moves until somebody orders it: [`pkm_hal::Phase`] says what is being done, and every change of it has a cause.
 
+extern crate alloc;
+
 pub mod black_box;
 pub mod blend;
 pub mod config;

@@ -4,8 +4,8 @@ mod course;
 mod orders;
 mod session;
 
+use alloc::sync::Arc;
 use core::sync::atomic::{AtomicU64, Ordering};
-use std::sync::Arc;
 
 use pkm_ctrl::{Limit, Running, Signals};
 use pkm_hal::cycle::flags;
@@ -497,12 +497,12 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
                 let passed = *self.hal.sent().unwrap_or(&command.tau);
                 self.sent = if mode == Mode::Effort { passed } else { [0.0; MAX_AXES] };
                 if mode == Mode::Effort {
-                    self.carried.note(&passed, now_ns)
+                    self.carried.note(&passed, now_ns);
                 } else {
-                    self.carried.drop_all()
+                    self.carried.drop_all();
                 }
-                for k in 0..self.n {
-                    let is_clipped = mode == Mode::Effort && passed[k].to_bits() != command.tau[k].to_bits();
+                for (k, (passed, wanted)) in passed.iter().zip(&command.tau).enumerate().take(self.n) {
+                    let is_clipped = mode == Mode::Effort && passed.to_bits() != wanted.to_bits();
                     self.record.clipped |= u32::from(is_clipped) << k;
                 }
                 self.session.is_open = mode != Mode::Off;

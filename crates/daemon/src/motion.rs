@@ -111,10 +111,10 @@ mod tests {
         for i in 1..100 {
             let t = way.duration() * f64::from(i) / 100.0;
             let [before, here, after] = [t - h, t, t + h].map(|t| way.at(t));
-            for k in 0..2 {
+            for (k, speed) in speed.iter().enumerate().take(2) {
                 assert!(((after.q[k] - before.q[k]) / (2.0 * h) - here.v[k]).abs() < 1e-8);
                 assert!(((after.v[k] - before.v[k]) / (2.0 * h) - here.a[k]).abs() < 1e-7);
-                assert!(here.v[k].abs() <= speed[k] * (1.0 + 1e-12));
+                assert!(here.v[k].abs() <= speed * (1.0 + 1e-12));
             }
         }
         assert!((way.at(way.duration() / 2.0).v[0] - 0.2).abs() < 1e-12);

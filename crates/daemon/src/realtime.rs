@@ -127,7 +127,7 @@ fn prefault() {
     for page in stack.chunks_mut(4096) {
         page[0] = 1;
     }
-    std::hint::black_box(&stack);
+    core::hint::black_box(&stack);
 }
 
 fn keep_awake() -> std::io::Result<File> {

@@ -2,9 +2,9 @@
 //!
 //! A turn every few milliseconds. The loop ends in a safe stop when turns stay away; the supervisor says so when periods do.
 
+use alloc::collections::VecDeque;
+use alloc::sync::Arc;
 use core::sync::atomic::{AtomicU64, Ordering};
-use std::collections::VecDeque;
-use std::sync::Arc;
 
 use pkm_ctrl::Running;
 use pkm_hal::{Cause, CycleRecord, CycleSource, Phase, Transition};
@@ -199,7 +199,7 @@ impl<C: CycleSource, W: Workshop, R: Reporter> Supervisor<C, W, R> {
         while self.outcomes.len() > IN_FLIGHT {
             self.outcomes.pop_front();
         }
-        if self.turns % SUMMARY_EVERY == 0 || is_last {
+        if self.turns.is_multiple_of(SUMMARY_EVERY) || is_last {
             self.status.latency = self.latencies.summary();
         }
         self.keep_black_box(now_ns, is_last);

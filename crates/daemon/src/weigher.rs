@@ -133,7 +133,7 @@ mod tests {
         assert!(assemble(&model, &mut data).is_closed);
         let q: Vec<f64> = model.actuators.iter().map(|&j| data.q[j]).collect();
         let mut tau = |a: [f64; 3]| {
-            inverse_dynamics(&model, &mut data, &q, &[0.0; 3], &a);
+            assert!(inverse_dynamics(&model, &mut data, &q, &[0.0; 3], &a).is_closed);
             nalgebra::Vector3::new(data.tau_act[0], data.tau_act[1], data.tau_act[2])
         };
         let weight = tau([0.0; 3]);

@@ -7,11 +7,11 @@ pub(crate) mod setup;
 mod thread;
 mod workshop;
 
+use alloc::sync::Arc;
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use core::time::Duration;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
 
 use pkm_daemon::OrderKind;
 use pkm_daemon::black_box::BlackBox;

@@ -1,6 +1,6 @@
 //! What every verb that diagnoses shares: settings from flags, recordings from files, the run itself, the verdict as text.
 
-use std::collections::BTreeMap;
+use alloc::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{anyhow, ensure};

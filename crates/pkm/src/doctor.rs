@@ -33,7 +33,7 @@ pub(crate) struct Args {
     /// Wake-ups per second.
     #[arg(long, value_name = "HZ", default_value_t = 1000, value_parser = clap::value_parser!(u64).range(1..=20_000))]
     rate: u64,
-    /// Priority under SCHED_FIFO.
+    /// Priority of a first-in-first-out real-time thread.
     #[arg(long, value_name = "N", default_value_t = 80, value_parser = clap::value_parser!(u8).range(1..=98))]
     priority: u8,
     /// Print JSON.

@@ -1,9 +1,9 @@
 //! `pkm driver-sim`: a simulated robot in a process of its own, where a driver of real hardware would be.
 
+use alloc::sync::Arc;
 use core::sync::atomic::{AtomicBool, Ordering};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
 
 use pkm_daemon::Grid;
 use pkm_daemon::runner::Pace;

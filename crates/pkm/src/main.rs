@@ -3,6 +3,8 @@
 //! Exit codes: 0 done, 1 something was found that the caller asked to be told about, 2 bad usage or bad input, 70 internal error; those of
 //! a daemon are in `daemon.rs`.
 
+extern crate alloc;
+
 mod check;
 mod convert;
 mod daemon;

@@ -46,7 +46,7 @@ pub(crate) struct Args {
     /// Only this level of concealment, L0 to L7; may be given several times [default: all].
     #[arg(long = "level", value_name = "L", value_parser = level)]
     levels: Vec<Level>,
-    /// Only this robot; may be given several times [default: prs3, serial_arm, motobotte, ups3_rpu1, five_bar].
+    /// Only this robot; may be given several times [default: five of the shipped ones].
     #[arg(long = "robot", value_name = "NAME", value_parser = robot)]
     robots: Vec<String>,
     /// Size of an effect over the smallest that can be detected; may be given several times [default: 0.5 1 2 4].

@@ -65,7 +65,7 @@ pub(crate) struct Args {
 /// What is followed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum FollowArg {
-    /// The columns q_ref and dq_ref.
+    /// The recorded reference.
     Reference,
     /// The columns q.
     Measured,

@@ -5,6 +5,7 @@ use pkm_hal::MAX_AXES;
 use crate::motion::{Motion, Move, Wanted};
 
 /// What moves the reference.
+#[expect(clippy::large_enum_variant, reason = "the loop may not allocate: a way is kept in place, and there is one course")]
 pub(super) enum Course {
     /// Nothing.
     Stand,

@@ -17,7 +17,7 @@ pub(crate) struct RecordArgs {
     /// Record every period into MCAP files of this folder, a new one after ten minutes or 1 GiB.
     #[arg(long, value_name = "FOLDER")]
     record: Option<PathBuf>,
-    /// Show what is recorded to Foxglove and PlotJuggler at this port of this machine.
+    /// Show what is recorded to Foxglove and `PlotJuggler` at this port of this machine.
     #[cfg(feature = "live")]
     #[arg(long, value_name = "PORT", requires = "record")]
     live: Option<u16>,

@@ -1,7 +1,7 @@
 //! What a daemon tells: a line for every change of phase, and a file with the last seconds before what should not have been.
 
+use alloc::sync::Arc;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use pkm_daemon::status::Told;
 use pkm_daemon::supervisor::Reporter;

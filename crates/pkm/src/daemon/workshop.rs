@@ -1,7 +1,8 @@
 //! What orders need, made outside the loop: controllers at rest, motions from their beginning, fresh numbers.
 
-use std::hash::{BuildHasher, Hasher, RandomState};
-use std::sync::Arc;
+use alloc::sync::Arc;
+use core::hash::{BuildHasher, Hasher};
+use std::hash::RandomState;
 
 use pkm_ctrl::Running;
 use pkm_daemon::supervisor::Workshop;

@@ -114,9 +114,9 @@ impl Folder {
     pub(super) fn write_seals(&self) -> anyhow::Result<()> {
         let mut seals = if self.has_seals() { self.read_seals()? } else { BTreeMap::new() };
         for name in self.names()?.into_iter().filter(|n| self.has_case(n)) {
-            if !seals.contains_key(&name) {
-                let hash = seal::sha256(&self.answer(&name)?);
-                seals.insert(name, hash);
+            if let alloc::collections::btree_map::Entry::Vacant(open) = seals.entry(name) {
+                let hash = seal::sha256(&self.answer(open.key())?);
+                open.insert(hash);
             }
         }
         write(&self.root.join("seals.txt"), &seal::list(&seals))

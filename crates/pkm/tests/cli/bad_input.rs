@@ -129,7 +129,7 @@ fn files_that_are_cut() {
     fs::write(folder.path().join("cut.mcap"), &bytes[..bytes.len() * 2 / 3]).unwrap();
     diagnosis_refused(folder.path(), "rig.toml", "cut.mcap", &["cut.mcap byte ", "--recover"]);
     refused(folder.path(), &["convert", "cut.mcap", "mended.csv"], &["cut.mcap byte "]);
-    crate::fixture::prints(folder.path(), &["convert", "cut.mcap", "mended.csv", "--recover"]);
+    prints(folder.path(), &["convert", "cut.mcap", "mended.csv", "--recover"]);
     let urdf = &RIG_URDF[..RIG_URDF.len() / 2];
     fs::write(folder.path().join("rig.urdf"), urdf).unwrap();
     diagnosis_refused(folder.path(), "rig.toml", "A.csv", &["rig.urdf"]);
