@@ -19,6 +19,7 @@ mod error;
 pub mod evidence;
 mod experiments;
 mod explain;
+mod extents;
 mod final_fit;
 mod gate;
 mod gram;
