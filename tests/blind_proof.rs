@@ -1,4 +1,5 @@
 //! The generator of the blind trials: closed forms of mechanics, and its rigid robots against those of pkm-dyn, which it does not know.
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails, outside #[test] functions too")]
 
 use core::f64::consts::{PI, TAU};
 

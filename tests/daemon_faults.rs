@@ -6,7 +6,7 @@
 #[path = "daemon/rig.rs"]
 mod rig;
 
-use std::fmt::Write as _;
+use core::fmt::Write as _;
 use std::path::PathBuf;
 
 use pkm_ctrl::{About, Health, Running, Signals};
@@ -490,7 +490,7 @@ fn a_loop_that_panics_sends_the_safe_action_and_says_so() {
     rig.periods(3);
     let bomb: Box<dyn Running> = Box::new(Bomb(controller(&rig.robot), 100));
     rig.order(Order { nonce: 9, controller: Some(bomb), ..Order::plain(OrderKind::Arm, 0) }).expect("it is ready");
-    let stop = std::sync::atomic::AtomicBool::new(false);
+    let stop = core::sync::atomic::AtomicBool::new(false);
     // The supervisor's time does not pass here; a tenth of a second is less than it may be silent.
     let outcome = pkm_daemon::runner::run(&mut rig.machine, &Paced(&clock), PERIOD_NS, &stop, &mut |_| {});
     assert_eq!(outcome, Err(pkm_daemon::runner::Failed));

@@ -5,6 +5,7 @@ use core::f64::consts::TAU;
 
 use pkm_diagnose::verdict::{Status, Verdict};
 use pkm_diagnose::{Diagnosis, Settings, diagnose};
+use pkm_dyn::math;
 use pkm_dyn::urdf::{Description, parse};
 use pkm_ident::Recording;
 use pkm_tests::Draw;
@@ -40,7 +41,7 @@ fn wave(waves: &[(f64, f64)], phase: f64, n: usize) -> Wave {
     let at = |t: f64| {
         waves.iter().fold((0.0, 0.0, 0.0), |s, (a, f)| {
             let (w, u) = (TAU * f, TAU * f * t + phase);
-            (s.0 + a * u.sin(), s.1 + a * w * u.cos(), s.2 - a * w * w * u.sin())
+            (s.0 + a * math::sin(u), s.1 + a * w * math::cos(u), s.2 - a * w * w * math::sin(u))
         })
     };
     (0..n).map(|i| at(STEP_S * i as f64)).collect()
@@ -126,7 +127,7 @@ fn the_noise_floor_is_the_same_with_a_gap() {
 fn held_out_motions_do_not_shape_what_is_tried() {
     let robot = slides(&[("x", "base")]);
     let peaked = |w: &Wave| -> Vec<f64> {
-        let bump = |v: f64| 12.0 * v.signum() * (-(v / 0.06).powi(2)).exp();
+        let bump = |v: f64| 12.0 * v.signum() * math::exp(-(v / 0.06) * (v / 0.06));
         effort(w, 10.0).iter().zip(w).map(|(t, (_, v, _))| t + bump(*v)).collect()
     };
     let x = wave(&[(0.2, 0.4)], 0.0, 15_000);

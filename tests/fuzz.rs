@@ -84,6 +84,7 @@ fn progress(folder: &Path, name: &str) -> u64 {
 }
 
 /// The child: one input after the other, each told before it is read.
+#[expect(clippy::print_stdout, reason = "who starts one target by hand wants to see that it ended")]
 fn read(name: &str) {
     let target = target(name).expect("a target");
     let inputs: u64 = std::env::var(INPUTS).expect("a number").parse().expect("a number");

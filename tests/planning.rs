@@ -5,6 +5,7 @@ use core::f64::consts::{PI, TAU};
 
 use pkm_diagnose::isolability::Isolability;
 use pkm_diagnose::{Belief, Plan, PlanSettings, Settings, plan, recorded_noise};
+use pkm_dyn::math;
 use pkm_dyn::urdf::{Description, parse};
 use pkm_ident::Recording;
 use pkm_tests::Draw;
@@ -31,7 +32,7 @@ fn slide() -> Description {
 fn reference(waves: &[(f64, f64)]) -> Recording {
     let mut out = Recording { name: "waves".to_string(), ..Recording::default() };
     out.time = (0..SAMPLES).map(|i| STEP_S * i as f64).collect();
-    let q = out.time.iter().map(|t| waves.iter().map(|(a, f)| a * (TAU * f * t).sin()).sum()).collect();
+    let q = out.time.iter().map(|t| waves.iter().map(|(a, f)| a * math::sin(TAU * f * t)).sum()).collect();
     out.signals.insert("q_ref.x".to_string(), q);
     out
 }
@@ -69,7 +70,7 @@ fn assert_close(what: &str, value: f64, truth: f64, share: f64) {
 /// Squared harmonics of a square wave of frequency `f` after the low-pass run both ways, those from `first` on, in units of the fundamental:
 /// gain 1/(1 + (n·f/B)⁸) at the n-th, whose amplitude is 1/n.
 fn square_wave(f: f64, first: u32) -> f64 {
-    (first..400).step_by(2).map(|n| 1.0 / (f64::from(n) * (1.0 + (f64::from(n) * f / BAND_HZ).powi(8)))).map(|x| x * x).sum()
+    (first..400).step_by(2).map(|n| 1.0 / (f64::from(n) * (1.0 + math::powf(f64::from(n) * f / BAND_HZ, 8.0)))).map(|x| x * x).sum()
 }
 
 /// Raw samples that count: all but a period of the band at both ends and half of one on both sides of nine borders between blocks.
@@ -94,9 +95,9 @@ fn along_one_sine_a_spring_is_an_inertia_and_a_delay_is_damping() {
 fn two_sines_open_the_angle_between_a_spring_and_an_inertia_as_far_as_their_amplitudes_say() {
     let (a, b) = ((0.1, 0.5), (0.04, 1.5));
     let p = planned(&[a, b], Belief::Anchored);
-    let square = |w: (f64, f64), power: i32| (w.0 * (TAU * w.1).powi(power)).powi(2);
+    let square = |w: (f64, f64), power: f64| math::powf(w.0 * math::powf(TAU * w.1, power), 2.0);
     // q and a have components A and A·ω² along each sine; friction lies in the cosines.
-    let truth = (square(a, 1) + square(b, 1)) / ((square(a, 0) + square(b, 0)) * (square(a, 2) + square(b, 2))).sqrt();
+    let truth = (square(a, 1.0) + square(b, 1.0)) / ((square(a, 0.0) + square(b, 0.0)) * (square(a, 2.0) + square(b, 2.0))).sqrt();
     assert!((0.5..0.9).contains(&truth), "{truth}");
     assert_close("spring and rotor", cosine(&p, "spring", "rotor_inertia"), truth, 0.01);
     assert!(
@@ -119,7 +120,7 @@ fn the_smallest_sizes_are_three_deviations_of_the_textbook_estimate() {
     let p = planned(&[(amplitude, f)], Belief::Anchored);
     // Of a coefficient of a column with mean square m², in noise s: s/√(N·m²).
     let three = |mean_square: f64| 3.0 * NOISE / (counted() * mean_square).sqrt();
-    let acceleration = amplitude * (TAU * f).powi(2);
+    let acceleration = amplitude * math::powf(TAU * f, 2.0);
     let mass = three(0.5 * acceleration * acceleration);
     assert_close("payload", smallest(&p, "payload", "mass"), mass, 0.03);
     assert_close("wrong mass", smallest(&p, "inertia_error", "mass"), mass, 0.03);
@@ -139,11 +140,11 @@ fn belief_in_the_mass_decides_how_much_of_an_inertia_is_seen() {
     let [anchored, soft, refit] = [Belief::Anchored, Belief::Soft, Belief::Refit].map(|b| planned(&[(amplitude, f)], b));
     // The mass column is the rotor's; with standard deviation σ = a tenth of the mass, 1/(1 + σ²·Σa²/s²) of the rotor survives. Rows of noise
     // filtered both ways have the variance s²·2·B·dt·∫dx/(1+x⁸)², and there are 20 raw samples to a row.
-    let integral = PI / 8.0 / (PI / 8.0).sin() * (7.0 / 8.0);
+    let integral = PI / 8.0 / math::sin(PI / 8.0) * (7.0 / 8.0);
     let row = NOISE * NOISE * 2.0 * BAND_HZ * STEP_S * integral;
-    let acceleration = amplitude * (TAU * f).powi(2);
+    let acceleration = amplitude * math::powf(TAU * f, 2.0);
     let information = counted() / 20.0 * 0.5 * acceleration * acceleration / row;
-    let truth = 1.0 / (1.0 + (0.1 * MASS).powi(2) * information);
+    let truth = 1.0 / (1.0 + math::powf(0.1 * MASS, 2.0) * information);
     // Four digits are told.
     assert!((kappa(&soft, "rotor_inertia") - truth).abs() < 0.05 * truth + 1e-4, "{} instead of {truth}", kappa(&soft, "rotor_inertia"));
     assert!(kappa(&refit, "rotor_inertia") < 1e-6 && kappa(&anchored, "rotor_inertia") > 0.99);
@@ -168,7 +169,7 @@ fn noise_of_a_recording_comes_out_of_its_second_differences() {
     let mut draw = Draw::new(5);
     let mut r = reference(&[(0.1, 0.5)]);
     let normal = |draw: &mut Draw| (0..12).map(|_| draw.uniform(0.0..1.0)).sum::<f64>() - 6.0;
-    let tau = r.time.iter().map(|t| 80.0 * (TAU * 0.5 * t).sin() + NOISE * normal(&mut draw)).collect();
+    let tau = r.time.iter().map(|t| 80.0 * math::sin(TAU * 0.5 * t) + NOISE * normal(&mut draw)).collect();
     r.signals.insert("tau.x".to_string(), tau);
     assert_close("noise", recorded_noise(&slide().robot, &r).expect("an effort")["x"], NOISE, 0.02);
 }

@@ -32,6 +32,9 @@ const LOAD_SHARES: [f64; 2] = [0.25, 1.0];
 /// Angle by which a base is tilted on purpose `[rad]`.
 const TILT: f64 = PI / 12.0;
 
+/// Motions that are looked for in one diagnosis at most: a search takes as long as everything else.
+const SEARCHES: usize = 3;
+
 /// Share of its travel by which every drive's centre is moved.
 const SHIFT: f64 = 0.25;
 
@@ -56,6 +59,7 @@ pub(crate) fn propose(work: &Work, findings: &mut [Finding], band: f64) {
     for i in interventions(work, &now) {
         tried.push((i.text, angles(work, &[&now, &i.segment], band, &names, findings, &pairs)));
     }
+    let mut searches = SEARCHES;
     for (p, &(i, k)) in pairs.iter().enumerate() {
         let Some(cos_now) = before[p] else { continue };
         let mut options: Vec<(String, f64)> = Vec::new();
@@ -66,7 +70,9 @@ pub(crate) fn propose(work: &Work, findings: &mut [Finding], band: f64) {
             ));
         }
         options.extend(tried.iter().filter_map(|(text, c)| c[p].map(|c| (text.clone(), c))).filter(|(_, c)| cos_now - c > CHANGE));
-        if !options.iter().any(|(_, c)| *c <= SEPARATED)
+        let is_open = searches > 0 && !options.iter().any(|(_, c)| *c <= SEPARATED);
+        searches -= usize::from(is_open);
+        if is_open
             && let Some((text, segment)) = optimised(work, &findings[i], &findings[i].cannot_tell_from[k], &now)
             && let Some(c) = seen(&[&now, &segment], &findings[i], &findings[i].cannot_tell_from[k])
             && cos_now - c > CHANGE

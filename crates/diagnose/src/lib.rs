@@ -23,6 +23,7 @@ mod error;
 pub mod evidence;
 mod experiments;
 mod explain;
+mod extents;
 mod final_fit;
 mod gate;
 mod gram;

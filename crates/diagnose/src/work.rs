@@ -8,12 +8,12 @@ use pkm_ident::filter::{advanced, derivative};
 
 use crate::columns::{self, Columns, Context, Family, Proposal, Shape, Source, StandardIds};
 use crate::design::{ColumnId, Design, Make, View};
+use crate::extents::{extents, largest_widths, ranges};
 use crate::gram::{Gram, Targets};
-use crate::motion::{Motion, softness_widths, top_speed};
+use crate::motion::Motion;
 use crate::screen;
 use crate::settings::SOFTNESS;
 use crate::solve::Over;
-use crate::verdict::Use;
 
 /// Positions are known this much better than efforts: what is worth a name there is smaller by this share.
 const POSITION_WORTH: f64 = 0.1;
@@ -372,38 +372,6 @@ impl<'w> Work<'w> {
         let is_one_joint = c.site == Site::Joint && c.other.is_none();
         self.robot.model.actuators.iter().position(|&j| is_one_joint && j == c.place)
     }
-}
-
-/// Motions that are fitted: a held-out one must not shape what is tried.
-fn fitted(motions: &[Motion]) -> impl Iterator<Item = &Motion> {
-    motions.iter().filter(|m| m.segment.used != Use::Holdout)
-}
-
-fn largest_widths(robot: &Robot, motions: &[Motion]) -> Vec<Vec<f64>> {
-    let mut out = vec![vec![0.0_f64; robot.model.nv()]; SOFTNESS.len()];
-    for segment in fitted(motions).map(|m| softness_widths(&robot.model, m)) {
-        for (sum, widths) in out.iter_mut().zip(segment) {
-            for (s, w) in sum.iter_mut().zip(widths) {
-                *s = s.max(w);
-            }
-        }
-    }
-    out
-}
-
-fn extents(motions: &[Motion], n: usize) -> (Vec<f64>, Vec<f64>) {
-    let each = |f: &dyn Fn(&Motion, usize) -> f64| (0..n).map(|k| fitted(motions).map(|m| f(m, k)).fold(0.0, f64::max)).collect();
-    let range = |m: &Motion, k: usize| {
-        let q = &m.segment.q[k];
-        q.iter().copied().fold(f64::NEG_INFINITY, f64::max) - q.iter().copied().fold(f64::INFINITY, f64::min)
-    };
-    (each(&|m, k| top_speed(&m.segment.v[k])), each(&range))
-}
-
-/// Lowest and highest position of each drive over the segments that are fitted.
-fn ranges(motions: &[Motion], n: usize) -> Vec<[f64; 2]> {
-    let all = |k: usize| fitted(motions).flat_map(move |m| m.segment.q[k].iter().copied());
-    (0..n).map(|k| [all(k).fold(f64::INFINITY, f64::min), all(k).fold(f64::NEG_INFINITY, f64::max)]).collect()
 }
 
 fn standard_columns(design: &mut Design, motions: &[Motion], model: &Model, widths: &[Vec<f64>]) -> StandardIds {
