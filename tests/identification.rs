@@ -370,6 +370,7 @@ impl Coverage {
     }
 }
 
+#[expect(clippy::print_stdout, reason = "the shares are what a long run is for")]
 fn coverage(truth: &Model, settings: &Settings, runs: u64, noise: [f64; 2]) -> Coverage {
     let description = rig();
     let true_theta = Columns::new(&Robot::new(truth.clone(), Vec::new())).nominal();

@@ -1,5 +1,6 @@
 //! `pkm daemon`: a controller on a robot in real time, until it is told to end.
 
+mod brakes;
 mod recording;
 pub(crate) mod report;
 pub(crate) mod robot;
@@ -45,15 +46,15 @@ const TURN: Duration = Duration::from_millis(5);
 /// How long the loop may not be heard of before the daemon gives up `[ns]`.
 const SILENCE_NS: u64 = 2_000_000_000;
 
-/// How long a stop may take before power is switched off all the same `[ns]`.
+/// How long a stop may take before the robot is left to its own safe action all the same `[ns]`.
 const LEAVE_NS: u64 = 12_000_000_000;
 
 /// Arguments of `pkm daemon`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Nothing moves until `pkm order arm` and `pkm order start` say so; `pkm status` shows what is being done, `pkm order stop` ends it. Without
-a CONFIG the shipped example runs: the 3-PRS, simulated, at 200 Hz. SIGTERM or SIGINT stop the robot along its path and end the daemon, a
-second one applies the safe action at once. A safe stop or fault leaves a black box in the private directory.
+a CONFIG the shipped example runs: the 3-PRS, simulated, at 200 Hz. SIGTERM or SIGINT stop the robot along its path and end the daemon; the
+robot then applies its own safe action (`pkm order off` before it switches off). A second one applies the safe action at once. A safe stop or fault leaves a black box in the private directory.
 
 Exit codes: 0 ended as told, 70 internal error, 71 real-time rights are required and not given, 74 I/O, 75 another daemon runs, 78 the
 configuration is wrong.
@@ -182,8 +183,8 @@ fn serve(args: &Args, setup: &Arc<Setup>) -> Result<ExitCode, Stopped> {
     let (sink, source) = ring(room);
     let (ends, loop_ends) = lines(source);
     let (record_sink, recording) = args.recording.begin(setup, room)?;
-    let mut worker = thread::start(Arc::clone(setup), place.clone(), lock, (sink, record_sink), loop_ends)?;
-    let grants = worker.grants()?;
+    let worker = thread::start(Arc::clone(setup), place.clone(), lock, (sink, record_sink), loop_ends)?;
+    let (worker, grants) = worker.begun()?;
     let reporter = OnTerminal { setup: Arc::clone(setup), directory: place.dir().to_path_buf(), is_quiet: args.quiet };
     let limits = &setup.settings.limits;
     let status = Status {
@@ -199,6 +200,11 @@ fn serve(args: &Args, setup: &Arc<Setup>) -> Result<ExitCode, Stopped> {
     let mut keeper = Supervisor::new(ends, workshop, reporter, black_box, status, SystemClock.now_ns());
     warn(setup.settings.realtime, &mut keeper);
     let code = watch(args, &mut keeper, &door, &signals, &worker);
+    if code.is_err() && !worker.has_ended() {
+        // A loop that stands still may never end: its thread goes down with the process.
+        keeper.give_up(SystemClock.now_ns(), SILENCE_NS);
+        return code;
+    }
     let outcome = worker.join();
     keeper.turn(SystemClock.now_ns(), true);
     if let Some(recording) = recording {
@@ -229,7 +235,8 @@ fn watch(args: &Args, keeper: &mut Keeper, door: &Door, signals: &Signals, worke
         let now_ns = SystemClock.now_ns();
         keeper.turn(now_ns, false);
         desk.answer(keeper);
-        while let Some(request) = door.request() {
+        // One a turn: who asks without end keeps nobody from the robot.
+        if let Some(request) = door.request() {
             desk.take(request, keeper);
         }
         if let Some((phase, kind)) = wishes.first().copied()
@@ -268,14 +275,8 @@ fn leave(keeper: &mut Keeper, signals: &Signals, passed_ns: u64) -> bool {
         return false;
     }
     match phase {
-        Phase::Off | Phase::Fault => true,
-        // Without commands the robot's side goes on with its own safe action.
-        Phase::SafeStop => true,
-        Phase::Ready => !keeper.status().is_armed || passed_ns > LEAVE_NS,
-        Phase::Holding => {
-            keeper.order(OrderKind::Off, Cause::Order);
-            passed_ns > LEAVE_NS
-        }
+        // Without commands the robot's side goes on with its own safe action, which holds a limb; switching off would let it fall.
+        Phase::Off | Phase::Fault | Phase::SafeStop | Phase::Ready | Phase::Holding => true,
         _ => passed_ns > LEAVE_NS,
     }
 }

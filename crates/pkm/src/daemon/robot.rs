@@ -1,27 +1,32 @@
 //! The robot of a daemon or driver: simulated in this process, or in another one.
 
+use alloc::sync::Arc;
+use core::sync::atomic::AtomicBool;
+
 use pkm_daemon::config::Settings;
 use pkm_dyn::urdf::Description;
 use pkm_hal::{Backend, HalError, Limiter, MAX_AXES, SystemClock, Watchdog, WatchdogLimits};
 use pkm_sim::sensors::ForceCell;
-use pkm_sim::{ConstrainedOptions, Paced, Plant, PlantKind, SimBackend, SimOptions};
+use pkm_sim::{ConstrainedOptions, Paced, PlantKind, SimBackend, SimOptions};
 
+use super::brakes::{Braked, Brakes};
 use super::setup::Setup;
 
 /// A simulated robot as a whole HAL: session, watchdog, limits.
-pub(crate) type Simulated = Watchdog<Limiter<Paced<Box<dyn Plant>, SystemClock>>, SystemClock>;
+pub(crate) type Simulated = Watchdog<Limiter<Brakes<Paced<Braked, SystemClock>>>, SystemClock>;
 
 /// How long commands may be valid at most, in multiples of what the daemon asks for.
 const HORIZON: u64 = 2;
 
-/// The robot of `setup`, standing at its assembly, as effects of its files have it.
+/// The robot of `setup`, standing at its assembly on its brakes, as effects of its files have it.
 ///
 /// # Errors
 /// A robot that cannot be simulated.
 pub(crate) fn simulated(setup: &Setup) -> anyhow::Result<Simulated> {
     let period_ns = setup.settings.limits.period_ns;
-    let device = Paced::try_new(plant(&setup.robot, &setup.settings)?, SystemClock, period_ns)?;
-    Ok(guarded(device, &setup.settings)?)
+    let (plant, is_engaged) = plant(&setup.robot, &setup.settings)?;
+    let device = Paced::try_new(plant, SystemClock, period_ns)?;
+    Ok(guarded(Brakes::new(device, is_engaged), &setup.settings)?)
 }
 
 /// `device` within limits, for one commander.
@@ -39,12 +44,13 @@ pub(crate) fn guarded<B: Backend>(device: B, settings: &Settings) -> Result<Watc
     Watchdog::try_new(Limiter::try_new(device, &settings.axes)?, SystemClock, watched, limits.safe)
 }
 
-fn plant(robot: &Description, settings: &Settings) -> anyhow::Result<SimBackend<Box<dyn Plant>>> {
+fn plant(robot: &Description, settings: &Settings) -> anyhow::Result<(SimBackend<Braked>, Arc<AtomicBool>)> {
     let model = &robot.robot.model;
     let start: Vec<f64> = model.actuators.iter().map(|&j| model.assembly[j]).collect();
     // Drives without power let go: the robot rests on its end stops, as it would.
     let kind = PlantKind::Constrained(ConstrainedOptions { end_stops: Some(0.0), ..ConstrainedOptions::default() });
     let plant = kind.build(&robot.robot, 1, &start, &[0.0; MAX_AXES][..start.len()])?;
+    let (plant, is_engaged) = Braked::new(plant, model);
     // Steps of half a millisecond at most, whatever the period.
     let substeps = u32::try_from(settings.limits.period_ns.div_ceil(500_000)).unwrap_or(1).max(1);
     let options = SimOptions {
@@ -58,5 +64,5 @@ fn plant(robot: &Description, settings: &Settings) -> anyhow::Result<SimBackend<
     if let Some(sensor) = settings.wrench {
         hal.add_wrench(sensor, core::array::from_fn(|i| ForceCell::new(options.effort, options.seed, 200 + i)))?;
     }
-    Ok(hal)
+    Ok((hal, is_engaged))
 }

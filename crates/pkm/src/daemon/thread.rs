@@ -3,7 +3,7 @@
 use alloc::sync::Arc;
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
 use pkm_daemon::machine::{Machine, Parts};
@@ -29,15 +29,19 @@ pub(super) struct Worker {
 }
 
 impl Worker {
-    /// What the operating system gave, once the loop has begun.
+    /// The loop with what the operating system gave it, once it has begun.
     ///
     /// # Errors
-    /// It did not begin.
-    pub(super) fn grants(&mut self) -> Result<Grants, Stopped> {
+    /// It did not begin: its own reason where it ended.
+    pub(super) fn begun(self) -> Result<(Self, Grants), Stopped> {
         match self.begun.recv_timeout(BEGIN) {
-            Ok(grants) => Ok(grants),
-            Err(_) if self.thread.is_finished() => Ok(Grants::default()),
-            Err(_) => Err(Stopped::new(INTERNAL, "the loop did not begin within 5 s")),
+            Ok(grants) => Ok((self, grants)),
+            // Its end of the channel is gone, so it is ending, though it may not have finished.
+            Err(RecvTimeoutError::Disconnected) => {
+                let why = self.join().err();
+                Err(why.unwrap_or_else(|| Stopped::new(INTERNAL, "the loop ended before it began")))
+            }
+            Err(RecvTimeoutError::Timeout) => Err(Stopped::new(INTERNAL, "the loop did not begin within 5 s")),
         }
     }
 
