@@ -487,11 +487,11 @@ fn physics_that_a_regression_of_efforts_cannot_have_in_it_is_refused_in_one_line
     let description = rig();
     let joint = description.bare.joints[description.bare.actuators[0]].name.clone();
     let recording = made(&description.bare, &SHORT);
-    for (effect, numbers, by_diagnosis) in [
-        ("contact", &[("stiffness", 1e3), ("position", 0.1)][..], true),
-        ("friction_presliding", &[("stiffness", 1e5), ("coulomb", 2.0)], true),
-        ("saturation", &[("limit", 1.0)], true),
-        ("friction_thermal", &[("rate", 0.01)], false),
+    for (effect, numbers) in [
+        ("contact", &[("stiffness", 1e3), ("position", 0.1)][..]),
+        ("friction_presliding", &[("stiffness", 1e5), ("coulomb", 2.0)]),
+        ("saturation", &[("limit", 1.0)]),
+        ("friction_thermal", &[("rate", 0.01)]),
     ] {
         let numbers: Vec<(String, f64)> = numbers.iter().map(|(n, v)| ((*n).to_string(), *v)).collect();
         let applied = Applied::try_new(&description.bare, effect, &joint, &numbers).expect("a valid effect");
@@ -500,7 +500,7 @@ fn physics_that_a_regression_of_efforts_cannot_have_in_it_is_refused_in_one_line
         assert!(said.contains(effect) && said.contains(&joint) && !said.contains('\n'), "{said}");
         let mut carrying = description.clone();
         carrying.robot = robot;
-        let said = pkm_diagnose::predict(&carrying, &recording).err().map(|e| e.to_string());
-        assert_eq!(said.is_some_and(|s| s.contains(effect)), by_diagnosis, "{effect}");
+        // A diagnosis runs along the recording and has them in what it predicts.
+        assert!(pkm_diagnose::predict(&carrying, &recording).is_ok(), "{effect}");
     }
 }

@@ -187,7 +187,7 @@ fn two_effects_are_further_apart_than_along_any_random_motion() {
     // A ripple that the file states, a payload and a tilted base have columns as well, and theirs are no base parameters then.
     let mut rippled = robot.clone();
     rippled.effects = vec![effect("torque_ripple", &[("amplitude", 0.2), ("order", 4.0)])];
-    let root = Applied::try_new(&robot.model, "gravity_tilt", &robot.model.root, &[("roll".to_string(), 0.1)]).unwrap();
+    let root = Applied::try_new(&robot.model, "gravity_tilt", &robot.model.root, &[("pitch".to_string(), 0.1)]).unwrap();
     let pair = vec![rippled.effects[0].clone(), root];
     let e = found(&rippled, &Settings { criterion: Criterion::Angle, effects: pair, iterations: 4, draws: 4, ..quick() });
     let s = e.quality.separation.unwrap();

@@ -93,7 +93,12 @@ fn a_recording_of_another_robot() {
     });
     prints(folder.path(), &["diagnose", "five_bar", "--recording", "bad.csv", "--json", "out.json"]);
     let told = fs::read_to_string(folder.path().join("out.json")).unwrap();
-    assert!(told.contains("\"unusable\"") && told.contains("bad.csv: positions do not close the loops as they are"), "{told}");
+    assert!(
+        told.contains("\"unusable\"")
+            && told.contains("bad.csv: q.shoulder_left goes from")
+            && told.contains("limits are -0.600 to 0.600 rad"),
+        "{told}"
+    );
 }
 
 #[test]

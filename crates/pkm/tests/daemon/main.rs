@@ -116,7 +116,14 @@ impl Site {
     /// Waits until the phase is one of these.
     fn until(&self, phases: &[&str]) -> Value {
         within(PATIENCE_S, || self.status().filter(|status| phases.contains(&status["phase"].as_str().unwrap_or_default())))
-            .unwrap_or_else(|| panic!("none of {phases:?}: {:?}", self.status()))
+            .unwrap_or_else(|| panic!("none of {phases:?}: {:?}\n{}", self.status(), self.logs()))
+    }
+
+    /// What every process of this site has said.
+    fn logs(&self) -> String {
+        let files = fs::read_dir(self.dir.path()).unwrap().flatten().map(|entry| entry.path());
+        let logs = files.filter(|path| path.extension().is_some_and(|e| e == "log"));
+        logs.map(|path| format!("{}:\n{}", path.display(), fs::read_to_string(&path).unwrap_or_default())).collect()
     }
 
     fn order(&self, order: &str) {
