@@ -39,6 +39,9 @@ pub(crate) struct Args {
     quiet: bool,
 }
 
+/// Refusals are told once in this time `[ns]`.
+const SILENT_NS: u64 = 1_000_000_000;
+
 /// Runs the verb.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(match serve(args) {
@@ -72,6 +75,7 @@ fn serve(args: &Args) -> Result<(), Stopped> {
     let turn_ns = setup.settings.limits.period_ns / TURNS;
     let mut grid = Grid::new(begin_ns, turn_ns);
     let mut trips = 0;
+    let (mut told, mut told_ns) = (0, 0);
     while !stop.load(Ordering::Relaxed) {
         SystemClock.sleep_until(grid.beat().planned_ns);
         let now_ns = SystemClock.now_ns();
@@ -84,6 +88,12 @@ fn serve(args: &Args) -> Result<(), Stopped> {
         if hal.counts().trips > trips {
             trips = hal.counts().trips;
             say(&format!("{:.6} s: the commander lost the robot: safe action", now_ns as f64 * 1e-9))?;
+        }
+        let refused = driver.served().refused;
+        if refused > told && now_ns.saturating_sub(told_ns) > SILENT_NS {
+            let last = driver.served().last.map_or(String::new(), |error| error.to_string());
+            say(&format!("{:.6} s: {refused} commands refused so far, the last because {last}", now_ns as f64 * 1e-9))?;
+            (told, told_ns) = (refused, now_ns);
         }
         if let Err(pkm_hal::HalError::Gone { code }) = served {
             return Err(Stopped::new(INTERNAL, format!("the simulation cannot go on (code {code})")));

@@ -60,10 +60,6 @@ pub(super) fn node(place: &Place) -> Result<Node<ipc::Service>, SharedError> {
     let root = place.root().display().to_string();
     config.global.set_root_path(&Path::new(root.as_bytes()).map_err(|e| bad(&e))?);
     config.global.creation_timeout = CREATION;
-    // Two sides that start at once must not take each other's half-made node for a dead one: cleaning is a step of its own, in `own`.
-    config.global.service.cleanup_dead_nodes_on_open = false;
-    config.global.node.cleanup_dead_nodes_on_creation = false;
-    config.global.node.cleanup_dead_nodes_on_destruction = false;
     let builder = NodeBuilder::new().config(&config).signal_handling_mode(SignalHandlingMode::Disabled);
     builder.create::<ipc::Service>().map_err(|e| bad(&e))
 }
