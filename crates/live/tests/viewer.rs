@@ -107,8 +107,8 @@ fn a_viewer_sees_what_is_recorded_thinned_out() {
     viewer.subscribe(7, states);
     let mut tap = live.tap();
     // The subscription is on its way: periods come until one is seen.
-    // From one on: the position of period zero is zero, as much else is.
-    let mut cycle = 1;
+    // From ten on: the position of period zero is zero, as much else is, and one in ten is shown.
+    let mut cycle = 10;
     let mut seen = Vec::new();
     viewer.0.get_mut().set_read_timeout(Some(Duration::from_millis(50))).unwrap();
     while seen.len() < 20 && cycle < 60_000 {
