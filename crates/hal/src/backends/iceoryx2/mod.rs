@@ -6,7 +6,7 @@
 //! Whether the other side lives is judged by the age of what it sent, never by what the library says of its nodes: a process that is stopped
 //! is alive to the library. A command says itself until when it is valid; [`crate::Watchdog`] on the robot's side sees to it.
 //!
-//! Processes killed while a service was being made can leave it locked for good. [`service::own`] mends that: dead nodes are cleaned
+//! Processes killed while a service was being made can leave it locked for good. `service::own` mends that: dead nodes are cleaned
 //! away, then the service is removed where no other process can be using it, then it gets a new number, which the other side finds in the
 //! place. Nothing has to be deleted by hand.
 
