@@ -179,21 +179,21 @@ impl Arena<'_> {
                 (part, g)
             })
             .collect();
-        // Squared error that is taken away from some rows, and what was there.
-        let of_part = |(part, g): &Part, t: usize, best: &Base| {
-            let error = best.over(part, t);
-            (error - base.over(part, t) + sum(&g.scope, t), error.max(f64::MIN_POSITIVE))
+        // Squared error that is taken away from some rows, between a target before and one after.
+        let taken_from = |(part, g): &Part, best: &Base, [before, after]: [usize; 2]| {
+            best.over(part, before) - base.over(part, after) + sum(&g.scope, after)
         };
-        let gain_at =
-            |t: usize, best: &Base| parts.iter().map(|p| of_part(p, t, best)).map(|(taken, e)| taken / e).fold(f64::NEG_INFINITY, f64::max);
-        let nulls = (0..self.null_best.len()).map(|b| gain_at(n_real + b, &self.bases[self.null_best[b]])).collect();
+        let share = |best: &Base, at: [usize; 2]| {
+            let each = parts.iter().map(|p| taken_from(p, best, at) / best.over(&p.0, at[0]).max(f64::MIN_POSITIVE));
+            each.fold(f64::NEG_INFINITY, f64::max)
+        };
+        let nulls = (0..self.null_best.len()).map(|b| share(&self.bases[self.null_best[b]], [n_real + b; 2])).collect();
         let g = &parts.first()?.1;
         let taken = best_base.total(self.best_ground) - base.total(i) + sum(&g.all, i);
         let wins = (0..g.all.len()).filter(|&f| fold_taken(self.bases, self.best_ground, i, f) + g.all[f][i] > 0.0).count();
-        let real = |p: &Part| best_base.over(&p.0, self.best_ground) - base.over(&p.0, i) + sum(&p.1.scope, i);
-        let most = |f: &dyn Fn(&Part) -> f64| parts.iter().map(f).fold(f64::NEG_INFINITY, f64::max);
-        let size = most(&|p| self.work.of_effort(real(p), &p.0));
-        let gain = most(&|p| real(p) / best_base.over(&p.0, self.best_ground).max(f64::MIN_POSITIVE));
+        let real = [self.best_ground, i];
+        let gain = share(best_base, real);
+        let size = parts.iter().map(|p| self.work.of_effort(taken_from(p, best_base, real), &p.0)).fold(f64::NEG_INFINITY, f64::max);
         Some((Trial { variant: variant.clone(), ground: i, taken, gain, size, wins }, nulls))
     }
 }
