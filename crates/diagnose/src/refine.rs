@@ -79,8 +79,7 @@ fn put(work: &Work, out: &mut Refined, c: &Candidate, reading: &Parameters) {
                 clear(out, entry.name, place);
             }
             let values = entry.parameters.iter().map(|p| value(p.name).or(p.default).unwrap_or(0.0)).collect();
-            let mut applied = c.effect.applied(&work.robot.model, c.place, values);
-            (applied.other, applied.site) = (c.other.or(applied.other), if c.other.is_some() { c.site } else { applied.site });
+            let mut applied = Applied { entry, place, site: c.site, other: c.other, values };
             combine(out, &mut applied);
             out.effects.push(applied);
         }

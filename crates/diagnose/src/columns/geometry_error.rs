@@ -1,8 +1,5 @@
 //! A length or an anchor that is not where the model has it: the change of the rigid effort along each of the three directions.
 
-use pkm_dyn::effects::{Applied, Site};
-use pkm_dyn::model::Model;
-
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, global};
 use crate::sensitivity::lengths;
 use crate::shift;
@@ -13,7 +10,7 @@ const NAMES: [&str; 3] = ["dx", "dy", "dz"];
 /// Errors beyond this are another robot, not a wrong length `[m]`.
 const MOST: f64 = 0.1;
 
-/// See the catalogue entry of the same name. Places are numbered links first, then loops.
+/// See the catalogue entry of the same name.
 pub(super) struct Effect;
 
 impl Columns for Effect {
@@ -32,7 +29,6 @@ impl Columns for Effect {
     fn propose(&self, ctx: &Context) -> Vec<Proposal> {
         let at = |(p, (site, place, name)): (usize, crate::sensitivity::Length)| {
             let shape = Shape::free((0..3).map(|axis| global(move |m| shift::of_length(m, 3 * p + axis))).collect());
-            let place = if site == Site::Loop { ctx.model.links.len() + place } else { place };
             Proposal { place, site, other: None, name, scope: ctx.everywhere(), shapes: vec![shape] }
         };
         lengths(ctx.model).into_iter().enumerate().map(at).collect()
@@ -43,12 +39,5 @@ impl Columns for Effect {
             return Err(format!("a length would be wrong by {d:.2} m"));
         }
         Ok(NAMES.into_iter().zip(view.own.iter().copied()).collect())
-    }
-
-    fn applied(&self, model: &Model, place: usize, values: Vec<f64>) -> Applied {
-        match place.checked_sub(model.links.len()) {
-            Some(closure) => Applied { site: Site::Loop, ..Applied::at(self.entry(), closure, values) },
-            None => Applied::at(self.entry(), place, values),
-        }
     }
 }

@@ -39,7 +39,7 @@ mod torque_ripple;
 mod transmission_coupling;
 
 use pkm_dyn::Model;
-use pkm_dyn::effects::{Applied, Entry, Site};
+use pkm_dyn::effects::{Entry, Site};
 
 use crate::design::{Chain, ColumnId, Make};
 use crate::held::Held;
@@ -267,11 +267,6 @@ pub(crate) trait Columns: Sync {
     /// The leading parameter that a first coefficient of this size stands for; `None` where sizes mean nothing.
     fn smallest(&self, size: f64) -> Option<f64> {
         Some(size)
-    }
-    /// The effect at a candidate's place, as a robot carries it.
-    fn applied(&self, model: &Model, place: usize, values: Vec<f64>) -> Applied {
-        let _ = model;
-        Applied::at(self.entry(), place, values)
     }
 }
 
