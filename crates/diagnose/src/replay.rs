@@ -4,11 +4,11 @@
 //! and what their drives do is held against what was measured. Who simulates is the caller's business: this crate knows no simulator.
 
 use pkm_dyn::effects::Robot;
-use pkm_dyn::math;
 use pkm_dyn::urdf::Description;
 use pkm_ident::Recording;
 use pkm_ident::filter::LowPass;
 use pkm_ident::grid::Grid;
+use pkm_ident::size::{rms, work};
 
 use crate::evidence::{Diagnosis, ReplaySeries};
 use crate::verdict::{Replay, Use};
@@ -144,16 +144,6 @@ impl<'r> Pair<'r> {
     }
 }
 
-fn rms(x: impl Iterator<Item = f64>) -> f64 {
-    let (sum, n) = x.fold((0.0, 0_usize), |(s, n), x| (s + x * x, n + 1));
-    math::sqrt(sum / n.max(1) as f64)
-}
-
 fn apart(a: &[f64], b: &[f64]) -> f64 {
     rms(a.iter().zip(b).map(|(a, b)| a - b))
-}
-
-/// Work of an effort along its positions, by the trapezoidal rule `[J]`.
-fn work(tau: &[f64], q: &[f64]) -> f64 {
-    tau.windows(2).zip(q.windows(2)).map(|(t, q)| 0.5 * (t[0] + t[1]) * (q[1] - q[0])).sum()
 }

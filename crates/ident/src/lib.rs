@@ -31,6 +31,7 @@ pub mod preprocess;
 pub mod refine;
 pub mod relevant;
 pub mod shapes;
+pub mod size;
 pub mod spectrum;
 pub mod statistics;
 mod walk;

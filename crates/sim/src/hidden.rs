@@ -7,7 +7,7 @@ use pkm_dyn::urdf::Description;
 use crate::error::SimError;
 use crate::nominal_motion::NominalMotion;
 use crate::random::{Random, Stream};
-use crate::sensors::rms;
+use pkm_ident::size::rms;
 
 /// Hidden effects change the effort of some drive by this share of its rms, where their own physical bounds allow it.
 const VISIBLE: (f64, f64) = (0.10, 0.20);

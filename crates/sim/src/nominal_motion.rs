@@ -10,7 +10,7 @@ use crate::error::SimError;
 use crate::plant::check;
 use crate::reference::{Reference, Sample};
 use crate::scenario::Scenario;
-use crate::sensors::rms;
+use pkm_ident::size::rms;
 
 /// Poses along one period.
 const POSES: usize = 200;

@@ -17,6 +17,7 @@ pub use velocity::{VelocitySensing, VelocitySensor};
 
 use pkm_dyn::effects::{Law, Robot};
 use pkm_dyn::math;
+use pkm_ident::size::rms;
 
 use crate::random::Random;
 
@@ -105,12 +106,6 @@ pub(crate) fn add_noise(signal: &mut [f64], share: f64, random: &mut Random) {
             *x += sigma * random.normal();
         }
     }
-}
-
-/// Root mean square; 0 of nothing.
-pub(crate) fn rms(signal: impl Iterator<Item = f64>) -> f64 {
-    let (n, sum) = signal.fold((0.0, 0.0), |(n, sum), x| (n + 1.0, sum + x * x));
-    if n > 0.0 { math::sqrt(sum / n) } else { 0.0 }
 }
 
 #[cfg(test)]

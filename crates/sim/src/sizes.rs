@@ -6,7 +6,7 @@ use pkm_dyn::math;
 use crate::error::SimError;
 use crate::hidden::{Dice, last_link};
 use crate::scenario::Scenario;
-use crate::sensors::rms;
+use pkm_ident::size::rms;
 
 /// Length of the recording that slow effects are sized for `[s]`.
 const RECORDING_S: f64 = 20.0;

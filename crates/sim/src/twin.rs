@@ -3,11 +3,11 @@
 
 use pkm_dyn::effects::Robot;
 use pkm_ident::Recording;
+use pkm_ident::size::{rms, work};
 
 use crate::error::SimError;
 use crate::replay::{RecordedReference, between, finite, rate_hz, under_stated_conditions};
 use crate::scenario::{PlantKind, Scenario, Setup, run_with};
-use crate::sensors::rms;
 
 /// Measured against simulated, joint by joint.
 #[derive(Debug, Clone, PartialEq)]
@@ -136,9 +136,4 @@ fn apart(measured: &[f64], simulated: &[f64]) -> Apart {
     let known = || measured.iter().copied().filter(|x| x.is_finite());
     let mean = known().sum::<f64>() / known().count().max(1) as f64;
     Apart { rms: rms(difference()), peak: difference().fold(0.0, |top, x| top.max(x.abs())), measured_rms: rms(known().map(|m| m - mean)) }
-}
-
-/// Work of an effort along its positions, by the trapezoidal rule `[J]`.
-fn work(tau: &[f64], q: &[f64]) -> f64 {
-    tau.windows(2).zip(q.windows(2)).map(|(t, q)| 0.5 * (t[0] + t[1]) * (q[1] - q[0])).filter(|w| w.is_finite()).sum()
 }
