@@ -311,23 +311,37 @@ fn the_robots_own_watchdog_takes_over_when_the_loop_dies() {
     assert!(moved < 0.03, "{moved} m");
 }
 
-#[test]
-fn a_new_daemon_takes_over_a_robot_that_is_being_held_without_letting_it_sag() {
-    let clock = ManualClock::new(0);
+/// A robot whose daemon died while it played, a second after: it holds by itself.
+fn held_alone(clock: &ManualClock) -> rig::Guarded<'_> {
     let robot = rig::robot("prs3");
     let settings = rig::settings(&robot);
-    let mut hal = rig::guarded(&robot, &settings, &[0.14, 0.15, 0.16], &clock);
-    Rig::new(&mut hal, robot.clone(), settings.clone(), &clock).playing();
+    let mut hal = rig::guarded(&robot, &settings, &[0.14, 0.15, 0.16], clock);
+    Rig::new(&mut hal, robot, settings, clock).playing();
     for _ in 0..200 {
         clock.advance(5_000_000);
         hal.read().expect("it holds by itself");
     }
-    let held = hal.read().expect("a state");
-    assert!(held.status & status::SAFE != 0 && held.tau[0].abs() > 20.0, "{held:?}");
-    let mut next = Rig::new(&mut hal, robot, settings, &clock);
+    hal
+}
+
+/// Another daemon on that robot, told to arm.
+fn takes_over<'c, 'h>(hal: &'h mut rig::Guarded<'c>, clock: &'c ManualClock) -> Rig<'c, &'h mut rig::Guarded<'c>> {
+    let robot = rig::robot("prs3");
+    let settings = rig::settings(&robot);
+    let mut next = Rig::new(hal, robot, settings, clock);
     next.periods(3);
     let controller = Some(controller(&next.robot));
-    next.order(Order { nonce: 77, controller, ..Order::plain(OrderKind::Arm, 0) }).unwrap();
+    next.order(Order { nonce: 77, controller, ..Order::plain(OrderKind::Arm, 0) }).expect("it may arm");
+    next
+}
+
+#[test]
+fn a_new_daemon_takes_over_a_robot_that_is_being_held_without_letting_it_sag() {
+    let clock = ManualClock::new(0);
+    let mut hal = held_alone(&clock);
+    let held = hal.read().expect("a state");
+    assert!(held.status & status::SAFE != 0 && held.tau[0].abs() > 20.0, "{held:?}");
+    let mut next = takes_over(&mut hal, &clock);
     next.until(Phase::Homing, 10);
     next.periods(60);
     let first = next.records.iter().find(|r| r.flags & flags::BLENDING != 0).expect("it leads over");
@@ -339,19 +353,9 @@ fn a_new_daemon_takes_over_a_robot_that_is_being_held_without_letting_it_sag() {
 #[test]
 fn arming_that_fails_leaves_the_robots_own_safe_action_as_it_is() {
     let clock = ManualClock::new(0);
-    let robot = rig::robot("prs3");
-    let settings = rig::settings(&robot);
-    let mut hal = rig::guarded(&robot, &settings, &[0.14, 0.15, 0.16], &clock);
-    Rig::new(&mut hal, robot.clone(), settings.clone(), &clock).playing();
-    for _ in 0..200 {
-        clock.advance(5_000_000);
-        hal.read().expect("it holds by itself");
-    }
+    let mut hal = held_alone(&clock);
     let held = hal.read().expect("a state");
-    let mut next = Rig::new(&mut hal, robot, settings, &clock);
-    next.periods(3);
-    let controller = Some(controller(&next.robot));
-    next.order(Order { nonce: 77, controller, ..Order::plain(OrderKind::Arm, 0) }).unwrap();
+    let mut next = takes_over(&mut hal, &clock);
     // The loop stalls before its first efforts, for longer than its session lasts.
     clock.advance(200_000_000);
     next.periods(200);

@@ -1,56 +1,17 @@
 //! Nothing is allocated or freed in the daemon's loop: not while it plays, not at an order, not at a fault.
 #![expect(unsafe_code, reason = "a global allocator cannot be written without it; it only counts and hands on to the system's")]
 
+#[allow(dead_code, reason = "shared: one test counts what is taken, another every call")]
+mod counting;
 #[allow(dead_code, reason = "shared: no test uses all of it")]
 #[path = "daemon/rig.rs"]
 mod rig;
-
-use core::alloc::{GlobalAlloc, Layout};
-use core::cell::Cell;
-use std::alloc::System;
 
 use pkm_daemon::machine::Tick;
 use pkm_daemon::{Motion, Order, OrderKind};
 use pkm_hal::backends::Loopback;
 use pkm_hal::{Backend, Cause, Clock, MAX_AXES, ManualClock, Phase};
 use rig::{Rig, controller, robot, settings};
-
-struct Counting;
-
-thread_local! {
-    // Per thread, so that tests beside this one do not count. `const`: its start-up must not allocate.
-    static COUNT: Cell<usize> = const { Cell::new(0) };
-}
-
-fn count_one() {
-    // A thread that is being torn down has no counter any more, and counts nothing.
-    let _ = COUNT.try_with(|c| c.set(c.get() + 1));
-}
-
-// SAFETY: every call is handed on unchanged to the system's allocator, which keeps the contract of `GlobalAlloc`.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count_one();
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        // Freeing takes the allocator's lock as well.
-        count_one();
-        // SAFETY: the caller keeps the contract of `dealloc`.
-        unsafe { System.dealloc(at, layout) }
-    }
-
-    unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count_one();
-        // SAFETY: the caller keeps the contract of `realloc`.
-        unsafe { System.realloc(at, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 /// One period on a robot that follows its reference, and what it cost the allocator.
 fn period(rig: &mut Rig<'_, Loopback<&ManualClock>>) -> usize {
@@ -60,9 +21,9 @@ fn period(rig: &mut Rig<'_, Loopback<&ManualClock>>) -> usize {
     let now_ns = rig.clock.now_ns();
     rig.lines.heartbeat.store(now_ns, core::sync::atomic::Ordering::Relaxed);
     let tick = Tick { beat: rig.grid.woken(now_ns), woken_ns: now_ns, is_overrun: false };
-    let before = COUNT.with(Cell::get);
+    let before = counting::calls();
     rig.machine.step(&tick, rig.clock);
-    let cost = COUNT.with(Cell::get) - before;
+    let cost = counting::calls() - before;
     rig.grid.done(now_ns);
     rig.collect();
     cost
@@ -113,9 +74,9 @@ fn from_arming_to_a_fault_the_loop_never_calls_the_allocator() {
         rig.clock.advance(5_000_000);
         let now_ns = rig.clock.now_ns();
         let tick = Tick { beat: rig.grid.woken(now_ns), woken_ns: now_ns, is_overrun: false };
-        let before = COUNT.with(Cell::get);
+        let before = counting::calls();
         rig.machine.step(&tick, rig.clock);
-        cost += COUNT.with(Cell::get) - before;
+        cost += counting::calls() - before;
         rig.grid.done(now_ns);
         rig.collect();
     }
@@ -123,7 +84,7 @@ fn from_arming_to_a_fault_the_loop_never_calls_the_allocator() {
     assert!(rig.transitions.iter().any(|t| t.to == Phase::Holding && t.cause == Cause::Arrived));
     assert_eq!(cost, 0, "calls of the allocator in {} periods", rig.machine.counts().periods);
     // The counter counts.
-    let before = COUNT.with(Cell::get);
+    let before = counting::calls();
     drop(core::hint::black_box(Box::new(rig.machine.hal_mut().n_axes())));
-    assert_eq!(COUNT.with(Cell::get) - before, 2);
+    assert_eq!(counting::calls() - before, 2);
 }

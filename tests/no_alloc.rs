@@ -3,11 +3,10 @@
 
 #[path = "contact/no_alloc.rs"]
 mod contact;
+#[allow(dead_code, reason = "shared: one test counts what is taken, another every call")]
+mod counting;
 
-use core::alloc::{GlobalAlloc, Layout};
-use core::cell::Cell;
 use core::hint::black_box;
-use std::alloc::System;
 
 use pkm_dyn::aba::aba;
 use pkm_dyn::configuration::{difference, integrate};
@@ -26,45 +25,10 @@ use pkm_dyn::spatial::Pose;
 use pkm_dyn::{Data, Model};
 use pkm_tests::{Draw, Motion, SHAPES, drawn_loops, drawn_mixed_tree, drawn_tree};
 
-struct Counting;
-
-thread_local! {
-    // Per thread, so that tests beside this one do not count. `const`: its start-up must not allocate.
-    static COUNT: Cell<usize> = const { Cell::new(0) };
-}
-
-fn count_one() {
-    // A thread that is being torn down has no counter any more, and counts nothing.
-    let _ = COUNT.try_with(|c| c.set(c.get() + 1));
-}
-
-// SAFETY: every call is handed on unchanged to the system's allocator, which keeps the contract of `GlobalAlloc`.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count_one();
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        // SAFETY: the caller keeps the contract of `dealloc`.
-        unsafe { System.dealloc(at, layout) }
-    }
-
-    unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count_one();
-        // SAFETY: the caller keeps the contract of `realloc`.
-        unsafe { System.realloc(at, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
 fn allocations(work: impl FnOnce()) -> usize {
-    let before = COUNT.with(Cell::get);
+    let before = counting::taken();
     work();
-    COUNT.with(Cell::get) - before
+    counting::taken() - before
 }
 
 #[test]
