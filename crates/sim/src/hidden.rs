@@ -221,17 +221,18 @@ impl Dice<'_> {
         Ok(self.motion.change(&shifted))
     }
 
-    /// Change of effort by an effect; what does not act on the effort's size counts as visible.
+    /// Change of effort by an effect, as far as the nominal motion shows it. A scale, a lag or a delay counts as visible; what takes states or
+    /// time to be felt (play, give, memory, warmth, a limb) does not: nothing here says that it is.
     fn change_of(&self, applied: &Applied) -> Result<f64, SimError> {
         match applied.entry.law {
-            // Warmth needs time, which the motion has none of.
-            _ if applied.entry.name == "friction_thermal" => Ok(f64::INFINITY),
+            _ if applied.entry.name == "friction_thermal" => Ok(0.0),
             Law::PositionOffset => {
                 let drive = self.robot.model.actuators.iter().position(|&j| j == applied.place);
                 drive.map_or(Ok(0.0), |k| self.change_by_offset(k, applied.values[0]))
             }
             Law::JointEffort(_) | Law::Inertia(_) | Law::Gravity(_) | Law::Geometry(_) => self.change_of_effort(applied.clone()),
-            _ => Ok(f64::INFINITY),
+            Law::EffortScale | Law::EffortLag | Law::EffortDelay => Ok(f64::INFINITY),
+            _ => Ok(0.0),
         }
     }
 

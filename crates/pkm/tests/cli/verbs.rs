@@ -225,3 +225,11 @@ fn every_shipped_parallel_robot_has_a_workspace_without_being_told_more() {
     let arm = prints(folder.path(), &["workspace", "serial_arm", "--axes", "j2,j3"]);
     assert!(arm.contains("of 1681 poses reachable"), "{arm}");
 }
+
+#[test]
+fn the_demo_of_the_readme_finds_what_it_concealed() {
+    let folder = tempfile::tempdir().unwrap();
+    // Exit status 0: the first finding, or one that it cannot be told from, is what the seal holds.
+    let told = prints(folder.path(), &["demo"]);
+    assert!(told.contains("The seal is unbroken."), "{told}");
+}
