@@ -199,13 +199,24 @@ def main(folder, table, rounds):
     nominal = np.concatenate([robot.parameters(), robot.armature, model.damping, model.upperDryFrictionLimit, np.zeros(6)])
 
     q, v, a, tau, dt = motion(train, robot.actuators)
-    (ours, theirs), (y, y_pin) = best(rounds, [lambda: robot.regressor(q, v, a), lambda: pinocchio_loop(model, data, q, v, a)])
+    room = robot.regressor(q, v, a)
+    (ours, into, products, theirs), (y, _, _, y_pin) = best(
+        rounds,
+        [
+            lambda: robot.regressor(q, v, a),
+            lambda: robot.regressor(q, v, a, out=room),
+            lambda: robot.regressor_products(q, v, a, np.zeros_like(q)),
+            lambda: pinocchio_loop(model, data, q, v, a),
+        ],
+    )
     apart = np.abs(y - y_pin).max() / np.abs(y_pin).max()
     assert apart < 1e-9, f"regressors differ by {apart}"
     out = [
         f"| regressor of {len(q)} samples | time | |",
         "|---|---|---|",
         f"| `pkm`, `robot.regressor(q, v, a)` | {1e3 * ours:.0f} ms | {theirs / ours:.1f} × as fast |",
+        f"| the same with `out=` | {1e3 * into:.0f} ms | {theirs / into:.1f} × as fast |",
+        f"| `pkm`, `robot.regressor_products(q, v, a, tau)`, nothing stored | {1e3 * products:.0f} ms | {theirs / products:.1f} × as fast |",
         f"| Pinocchio, `computeJointTorqueRegressor` in a loop | {1e3 * theirs:.0f} ms | numbers apart: {apart:.0e} |",
         "",
     ]

@@ -301,7 +301,7 @@ class Robot:
     ) -> NDArray[numpy.float64]:
         """Regressor of the independent coordinates (the drives), (n_samples, independent, 10 * nv). Arguments (n_samples, n_act).
 
-        `out`: an array of that shape to write into; memory that was used before saves the page faults.
+        `out`: an array of that shape to write into.
         """
 
     def regressor_products(

@@ -331,7 +331,7 @@ impl Robot {
     /// `(n_samples, independent, 10 * nv)`.
     ///
     /// `regressor(q, v, a) @ parameters()` is `inverse_dynamics(q, v, a)` less rotor inertia. Arguments as there. `out` is an array of
-    /// that shape to write into, C-contiguous float64: memory that was used before costs no page faults, which are most of the time else.
+    /// that shape to write into, C-contiguous float64.
     #[pyo3(signature = (q, v, a, *, out = None))]
     fn regressor<'py>(
         &self,
@@ -343,7 +343,6 @@ impl Robot {
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (driven, model) = (self.driven([&q, &v, &a])?, self.model());
         let shape = [driven.len(), self.independent().len(), 10 * model.nv()];
-        // numpy's own memory: it asks for large pages.
         let out = out.unwrap_or_else(|| PyArray3::zeros(py, shape, false));
         if out.shape() != shape || !out.is_c_contiguous() {
             return Err(error::value(format!("out has shape {:?}, must be {shape:?} and C-contiguous", out.shape())));
