@@ -29,6 +29,9 @@ use crate::{experiments, gate, picture, priors};
 
 type Left = Vec<Vec<Vec<f64>>>;
 
+/// So many candidates that are no finding are told of in a verdict.
+const TOLD: usize = 40;
+
 /// Everything about the final model that findings are written from.
 struct Final {
     fit: FinalFit,
@@ -94,6 +97,7 @@ pub(crate) fn assemble(
         unexplained,
         minimum_detectable,
         invisible,
+        ruled_out: evidence.ruled_out.iter().filter(|s| s.gain.is_finite() && s.surprise.is_finite()).take(TOLD).cloned().collect(),
         isolability: isolability(work),
         replay: Vec::new(),
         refined_model: String::new(),

@@ -11,6 +11,7 @@ use crate::screen::{self, Base};
 use crate::settings::Settings;
 use crate::solve::Over;
 use crate::work::{Candidate, Pick, Variant, Work};
+use crate::worth::size;
 
 /// A set of columns candidates are added to, at one softness.
 pub(crate) struct Ground {
@@ -30,14 +31,14 @@ pub(crate) struct Score {
     pub(crate) taken: f64,
     /// The same as a share of the error of the joints it acts on.
     pub(crate) gain: f64,
-    /// Its size as a share of the effort of those joints.
-    pub(crate) size: f64,
     /// Logarithm of the ratio of errors without and with it, in standard deviations of the same in null runs, above their mean.
     pub(crate) surprise: f64,
     /// Folds in which it helped.
     pub(crate) wins: usize,
     /// Why it was not accepted; empty when it could be.
     pub(crate) why_not: String,
+    /// Whether its size is all that speaks against it.
+    is_small: bool,
     /// Its other shapes, best first, for when the best one reads as impossible.
     pub(crate) others: Vec<Trial>,
 }
@@ -49,7 +50,6 @@ pub(crate) struct Trial {
     ground: usize,
     taken: f64,
     gain: f64,
-    size: f64,
     wins: usize,
 }
 
@@ -193,8 +193,7 @@ impl Arena<'_> {
         let wins = (0..g.all.len()).filter(|&f| fold_taken(self.bases, self.best_ground, i, f) + g.all[f][i] > 0.0).count();
         let real = [self.best_ground, i];
         let gain = share(best_base, real);
-        let size = parts.iter().map(|p| self.work.of_effort(taken_from(p, best_base, real), &p.0)).fold(f64::NEG_INFINITY, f64::max);
-        Some((Trial { variant: variant.clone(), ground: i, taken, gain, size, wins }, nulls))
+        Some((Trial { variant: variant.clone(), ground: i, taken, gain, wins }, nulls))
     }
 }
 
@@ -214,8 +213,8 @@ const MAX_OTHERS: usize = 5;
 
 impl Score {
     fn of(candidate: usize, t: Trial, others: Vec<Trial>) -> Self {
-        let Trial { variant, ground, taken, gain, size, wins } = t;
-        Self { candidate, variant, ground, taken, gain, size, surprise: 0.0, wins, why_not: String::new(), others }
+        let Trial { variant, ground, taken, gain, wins } = t;
+        Self { candidate, variant, ground, taken, gain, surprise: 0.0, wins, why_not: String::new(), is_small: false, others }
     }
 
     /// Puts the next shape in place of the best one.
@@ -227,7 +226,7 @@ impl Score {
         // Surprise is in units of the same null runs, so it shrinks with the gain.
         self.surprise *= (log_ratio(t.gain) / log_ratio(self.gain)).clamp(0.0, 1.0);
         (self.variant, self.ground, self.taken) = (t.variant, t.ground, t.taken);
-        (self.gain, self.size, self.wins) = (t.gain, t.size, t.wins);
+        (self.gain, self.wins) = (t.gain, t.wins);
         true
     }
 }
@@ -273,13 +272,14 @@ pub(crate) fn decide(work: &Work, contest: &mut Contest, grounds: &[Ground], set
             if !s.why_not.is_empty() {
                 break;
             }
-            s.why_not = read(work, s, grounds).err().unwrap_or_default();
+            (s.why_not, s.is_small) = read(work, s, grounds, settings).map_or_else(|no| (no.why, no.is_small), |()| (String::new(), false));
             if s.why_not.is_empty() || !s.fall_back() {
                 break;
             }
         }
     }
     contest.scores.sort_by(|a, b| b.taken.total_cmp(&a.taken));
+    stand_aside(work, &mut contest.scores);
     let first = contest.scores.iter().position(|s| s.why_not.is_empty())?;
     let s = simplest(work, contest, first);
     let p_search = contest.p_value(contest.scores[s].surprise);
@@ -287,16 +287,26 @@ pub(crate) fn decide(work: &Work, contest: &mut Contest, grounds: &[Ground], set
     Some(Pick { candidate: s.candidate, variant: s.variant.clone(), p_search, p_confirm: 1.0, wins: s.wins })
 }
 
+/// What explains less than something real that is too small for a name, at the same joints, has no better claim to one: a scale fits a small
+/// friction worse than the friction does, and looks larger. `scores` come best first.
+fn stand_aside(work: &Work, scores: &mut [Score]) {
+    for i in 0..scores.len() {
+        let (small, after) = scores[i..].split_first_mut().map_or((None, [].as_mut_slice()), |(s, rest)| (Some(&*s), rest));
+        let Some(small) = small.filter(|s| s.is_small) else { continue };
+        let better = &work.candidates[small.candidate];
+        for s in after.iter_mut().filter(|s| s.why_not.is_empty()) {
+            if work.candidates[s.candidate].scope.iter().any(|j| better.scope.contains(j)) {
+                s.why_not = format!("{} at {} explains more, and is too small for a name", better.effect_name(), better.name);
+            }
+        }
+    }
+}
+
 /// Why the numbers do not support a candidate; empty when they do.
 fn objection(s: &Score, settings: &Settings, threshold: f64, (needed, n_folds): (usize, usize)) -> String {
     if s.gain <= settings.floor {
         let (gain, floor) = (100.0 * s.gain, 100.0 * settings.floor);
         return format!("would take away {gain:.1} % of the squared error, less than the {floor:.0} % worth naming");
-    }
-    let tolerance = settings.tolerance_of(s.variant.n_own);
-    if s.size <= tolerance {
-        let (size, least) = (100.0 * s.size, 100.0 * tolerance);
-        return format!("its size is {size:.2} % of the effort, less than the {least:.1} % worth naming");
     }
     if s.surprise <= threshold {
         return format!("its gain of {:.1} % is {:.1} sigma above chance, and null runs reach {threshold:.1}", 100.0 * s.gain, s.surprise);
@@ -320,8 +330,14 @@ fn simplest(work: &Work, contest: &Contest, first: usize) -> usize {
         .unwrap_or(first)
 }
 
-/// Reads a candidate's coefficients, fitted on all folds on its ground; `Err` is the physical veto.
-fn read(work: &Work, s: &Score, grounds: &[Ground]) -> Result<(), String> {
+/// Why a candidate that the numbers support is not accepted.
+struct Refusal {
+    why: String,
+    is_small: bool,
+}
+
+/// Reads a candidate's coefficients, fitted on all folds on its ground; `Err` is the physical veto, or that nobody would feel it.
+fn read(work: &Work, s: &Score, grounds: &[Ground], settings: &Settings) -> Result<(), Refusal> {
     let ground = &grounds[s.ground];
     let (own, own_prior) = own_columns(work, &s.variant, &ground.columns);
     let mut ids = ground.columns.clone();
@@ -330,7 +346,14 @@ fn read(work: &Work, s: &Score, grounds: &[Ground]) -> Result<(), String> {
     prior.extend(own_prior);
     let cross = work.gram.cross(&work.design, &vec![work.measured_minus_nominal(ground.softness, View::Fit)]);
     let theta = screen::fit(&work.gram, &cross, &ids, &prior, Over::All);
-    reading(work, s.candidate, &s.variant, &|id| ids.iter().position(|&i| i == id).map_or(0.0, |i| theta[(i, 0)])).map(|_| ())
+    let coefficient = |id| ids.iter().position(|&i| i == id).map_or(0.0, |i| theta[(i, 0)]);
+    reading(work, s.candidate, &s.variant, &coefficient).map_err(|why| Refusal { why, is_small: false })?;
+    let (size, tolerance) = (size(work, s.candidate, &s.variant, &coefficient), settings.tolerance_of(s.variant.n_own));
+    if size > tolerance {
+        return Ok(());
+    }
+    let why = format!("its size is {:.2} % of the effort, less than the {:.1} % worth naming", 100.0 * size, 100.0 * tolerance);
+    Err(Refusal { why, is_small: true })
 }
 
 /// A candidate's parameters from coefficients by column.

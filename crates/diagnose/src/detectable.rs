@@ -40,7 +40,7 @@ pub(crate) fn detectable(work: &Work, power: &[Power], settings: &Settings) -> (
     for at in 0..work.candidates.len() {
         let c = &work.candidates[at];
         let mut sizes: Vec<(&'static str, f64)> = Vec::new();
-        let least = |strength: f64| size(work, c, strength, power, settings);
+        let least = |strength: Strength| size(work, c, strength, power, settings);
         for v in c.variants.iter().filter(|v| v.softness.is_none_or(|w| w == work.softness)) {
             for (parameter, strength) in strengths(work, at, v) {
                 let size = least(strength);
@@ -61,16 +61,24 @@ pub(crate) fn detectable(work: &Work, power: &[Power], settings: &Settings) -> (
     (out, unseen)
 }
 
+/// What one unit of a parameter does.
+#[derive(Debug, Clone, Copy)]
+struct Strength {
+    /// Squared length that the model cannot imitate on the fitted rows.
+    beside: f64,
+    /// The whole of it, as a share of the effort.
+    whole: f64,
+}
+
 /// Smallest size that would have been named: above chance, worth it as a share of the error, and worth it as a share of the effort.
-fn size(work: &Work, c: &Candidate, strength: f64, power: &[Power], settings: &Settings) -> f64 {
-    if strength <= 0.0 {
+fn size(work: &Work, c: &Candidate, Strength { beside: strength, whole }: Strength, power: &[Power], settings: &Settings) -> f64 {
+    if strength <= 0.0 || whole <= 0.0 {
         return f64::INFINITY;
     }
     let sum = |f: &dyn Fn(usize) -> f64| c.scope.iter().map(|&j| f(j)).sum::<f64>();
     let by_chance = SIGMAS * math::sqrt(sum(&|j| power[j].coloured) / sum(&|j| count(work, j)).max(1.0) / strength);
     let by_worth = math::sqrt(settings.floor * sum(&|j| power[j].plain) / strength);
-    let efforts = work.kinds_of_rows(&c.scope).into_iter().map(|part| work.effort_over(&part));
-    let by_tolerance = settings.tolerance * math::sqrt(efforts.fold(f64::INFINITY, f64::min) / strength);
+    let by_tolerance = settings.tolerance / whole;
     by_chance.max(by_worth).max(by_tolerance)
 }
 
@@ -106,18 +114,20 @@ fn two_digits(x: f64) -> String {
     format!("{x:.decimals$}")
 }
 
-/// Parameters of a shape with the squared length, per unit, that the model cannot imitate on the fitted rows.
-fn strengths(work: &Work, candidate: usize, v: &Variant) -> Vec<(&'static str, f64)> {
+/// Parameters of a shape with what one unit of each does.
+fn strengths(work: &Work, candidate: usize, v: &Variant) -> Vec<(&'static str, Strength)> {
     let (base, prior) = ground(work, candidate, v);
     let own = &v.columns[..v.n_own];
     let left = projected(&work.gram, &base, &prior, own);
     let raw: Vec<f64> = own.iter().map(|&id| (0..work.design.n_joints).map(|j| work.gram.power(id, j)).sum()).collect();
-    let of = |d: &[f64]| -> f64 {
+    let of = |d: &[f64]| -> Strength {
+        let coefficient = |id: ColumnId| own.iter().position(|&o| o == id).map_or(0.0, |i| d[i]);
+        let felt = crate::worth::of_columns(work, &work.candidates[candidate], v, &coefficient);
         // Fits are solved in units of each column's own size.
         let d: Vec<f64> = d.iter().zip(own).map(|(d, &id)| if work.gram.scale[id] > 0.0 { d / work.gram.scale[id] } else { 0.0 }).collect();
         let strength: f64 = (0..d.len()).flat_map(|i| (0..d.len()).map(move |j| (i, j))).map(|(i, j)| d[i] * left[(i, j)] * d[j]).sum();
         let whole: f64 = d.iter().zip(&raw).map(|(d, raw)| d * d * raw).sum();
-        if strength > ROUNDING * whole { strength } else { 0.0 }
+        Strength { beside: if strength > ROUNDING * whole { strength } else { 0.0 }, whole: felt }
     };
     probes(work, &work.candidates[candidate], v).into_iter().map(|p| (p.parameter, of(&p.direction))).collect()
 }

@@ -4,6 +4,7 @@ use pkm_dyn::Model;
 use pkm_dyn::effects::Applied;
 use pkm_dyn::urdf::{Description, refined_toml, refined_urdf};
 
+pub use crate::verdict::Screened;
 use crate::verdict::Verdict;
 
 /// One actuated joint over one recording.
@@ -72,23 +73,6 @@ pub struct ChainStep {
     pub label: String,
     /// The verdict's held-out number after it.
     pub heldout_rms: f64,
-}
-
-/// A candidate that was screened, with its numbers: the list of what was ruled out and why.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Screened {
-    /// Effect name.
-    pub effect: String,
-    /// Where.
-    pub place: Vec<String>,
-    /// Held-out squared error it would take away, as a share of what is there.
-    pub gain: f64,
-    /// That gain in standard deviations of what the candidate gains in null runs, above their mean `[sigma]`.
-    pub surprise: f64,
-    /// Folds in which it helped, of how many.
-    pub wins: [usize; 2],
-    /// Why it is not a finding.
-    pub why_not: String,
 }
 
 /// A leftover against one signal: partial dependence in stretches of equally many rows.

@@ -56,6 +56,7 @@ mod testing;
 mod variety;
 pub mod verdict;
 mod work;
+mod worth;
 
 pub use columns::looked_for;
 pub use controller::ControllerTwin;

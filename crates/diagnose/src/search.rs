@@ -1,7 +1,7 @@
 //! The search: structure first with every ordinary parameter free, then which ordinary parameters moved.
 
 use crate::columns::Family;
-use crate::contest::{Contest, Ground, contest, decide};
+use crate::contest::{Contest, Ground, Score, contest, decide};
 use crate::design::{Chain, ColumnId, View};
 use crate::gram::{Cross, Gram};
 use crate::screen::{self, Base};
@@ -41,6 +41,12 @@ pub(crate) fn search(work: &mut Work, band: f64, settings: &Settings, progress: 
     Search { last: core::iter::once(structure).chain(ordinary).collect() }
 }
 
+/// A step of the search, for whoever asks for it.
+fn tell(work: &Work, what: &str, pick: &Pick) {
+    let c = &work.candidates[pick.candidate];
+    tracing::debug!(effect = c.effect_name(), place = c.name, shape = ?pick.variant.values, what);
+}
+
 /// Takes out, worst first, picks that the others make superfluous, that read as impossible, or that a simpler effect replaces.
 pub(crate) fn prune(work: &mut Work, band: f64, settings: &Settings) {
     for _ in 0..2 * (MAX_SHIFTS + MAX_STRUCTURAL) {
@@ -52,6 +58,7 @@ pub(crate) fn prune(work: &mut Work, band: f64, settings: &Settings) {
 /// Takes a pick out, its chain included.
 pub(crate) fn drop_pick(work: &mut Work, pick: usize, band: f64) {
     let gone = work.picks.remove(pick);
+    tell(work, "dropped", &gone);
     let c = &work.candidates[gone.candidate];
     if c.effect.family() == Family::Chain {
         let joint = c.scope[0];
@@ -110,16 +117,7 @@ fn superfluous(work: &mut Work, settings: &Settings) -> Option<usize> {
             let g = screen::gains(&work.gram, &cross, &base, &own, &own_prior, scope);
             g.scope.iter().map(|f| f[0]).sum::<f64>() / before
         };
-        let parts = work.kinds_of_rows(scope);
-        let of_part = |part: &Vec<usize>| {
-            let g = screen::gains(&work.gram, &cross, &base, &own, &own_prior, part);
-            work.of_effort(g.scope.iter().map(|f| f[0]).sum(), part)
-        };
-        let size = if parts.len() < 2 || own.is_empty() {
-            work.of_effort(gain * before, scope)
-        } else {
-            parts.iter().map(of_part).fold(0.0, f64::max)
-        };
+        let size = crate::worth::size(work, p.candidate, &p.variant, &value);
         if size <= settings.tolerance_of(p.variant.n_own) {
             gain = gain.min(0.0);
         }
@@ -171,9 +169,9 @@ fn choose_prior(work: &Work) -> f64 {
 }
 
 fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn FnMut(f64)) -> Contest {
-    let mut refused: Vec<usize> = Vec::new();
+    let mut refused: Vec<Score> = Vec::new();
     let mut step = 0;
-    loop {
+    let mut last = loop {
         work.kappa = choose_prior(work);
         refresh_chain(work, band);
         let grounds = grounds(work, work.kappa);
@@ -182,14 +180,16 @@ fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn
         let left = left_over(work, &grounds[best]);
         let pool: Vec<usize> = (0..work.candidates.len())
             .filter(|&c| work.candidates[c].effect.family() != Family::Standard && !is_picked(work, c))
-            .filter(|&c| !second_chain(work, c) && !same_body(work, c) && !refused.contains(&c))
+            .filter(|&c| !second_chain(work, c) && !same_body(work, c) && !refused.iter().any(|s| s.candidate == c))
             .collect();
         let mut now = contest(work, &pool, &grounds, &left, settings);
         let pick = decide(work, &mut now, &grounds, settings);
         progress(0.4 + 0.4 * (step + 1) as f64 / (MAX_STRUCTURAL + 1) as f64);
-        let Some(pick) = pick.filter(|_| step < MAX_STRUCTURAL) else { return now };
-        if !holds(work, &pick, &grounds, settings) {
-            refused.push(pick.candidate);
+        let Some(pick) = pick.filter(|_| step < MAX_STRUCTURAL) else { break now };
+        let is_kept = holds(work, &pick, &grounds, settings);
+        tell(work, if is_kept { "structure" } else { "refused: not on held-out rows" }, &pick);
+        if !is_kept {
+            refused.extend(now.scores.into_iter().find(|s| s.candidate == pick.candidate));
             continue;
         }
         step += 1;
@@ -198,7 +198,10 @@ fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn
         work.set_softness(softness);
         fuller_shapes(work, settings);
         absorb_chain(work, band);
-    }
+    };
+    // They are out of the contest, not out of the account.
+    last.scores.extend(refused);
+    last
 }
 
 /// Whether structure found on the fitted rows is worth a name on the held-out ones too, on top of what was there before it. Several small wrong
@@ -412,6 +415,7 @@ fn shifts(work: &mut Work, settings: &Settings) -> Option<Contest> {
         let pick = decide(work, &mut now, &ground, settings);
         last = Some(now);
         let Some(pick) = pick.filter(|_| step < MAX_SHIFTS) else { break };
+        tell(work, "shift", &pick);
         work.pick(pick);
         fuller_bodies(work, settings);
     }

@@ -253,6 +253,24 @@ pub struct Invisible {
     pub why: String,
 }
 
+/// A candidate that is no finding, and why.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Screened {
+    /// Effect name.
+    pub effect: String,
+    /// Where.
+    #[serde(rename = "where")]
+    pub place: Vec<String>,
+    /// Held-out squared error it would take away, as a share of what is there.
+    pub gain: f64,
+    /// That gain in standard deviations of what the candidate gains in null runs, above their mean `[sigma]`.
+    pub surprise: f64,
+    /// Folds in which it helped, of how many.
+    pub wins: [usize; 2],
+    /// Why it is not a finding.
+    pub why_not: String,
+}
+
 /// One drive of a recording, replayed in simulation under feedback: the robot as given ("before") and the refined one ("after").
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Replay {
@@ -316,6 +334,9 @@ pub struct Verdict {
     /// What could not have been seen in any size.
     #[serde(default)]
     pub invisible: Vec<Invisible>,
+    /// What was tried and is no finding, largest gain first; the most promising of it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ruled_out: Vec<Screened>,
     /// Which effects these recordings could tell apart.
     #[serde(default, skip_serializing_if = "Isolability::is_empty")]
     pub isolability: Isolability,

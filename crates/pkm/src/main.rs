@@ -241,8 +241,8 @@ fn install_panic_hook() {
 fn start_log(verbose: u8) {
     let level = match verbose {
         0 => return,
-        1 => "pkm=info",
-        _ => "pkm=debug",
+        1 => "pkm=info,pkm_diagnose=info",
+        _ => "pkm=debug,pkm_diagnose=debug",
     };
     tracing_subscriber::fmt()
         .with_env_filter(tracing_subscriber::EnvFilter::new(level))
