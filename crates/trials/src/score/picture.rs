@@ -130,6 +130,8 @@ mod tests {
             robot: "<b>".to_string(),
             concealed: Vec::new(),
             has_patient: false,
+            noise_factor: None,
+            recordings: None,
             floor: Vec::new(),
         };
         let verdict = serde_json::from_str(r#"{"status":"ok","findings":[{"effect":"<script>","where":["q1"]}]}"#).unwrap();
