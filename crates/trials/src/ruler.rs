@@ -207,20 +207,25 @@ mod tests {
         vec![(0..N).map(|i| DVector::from_element(1, f(i as f64))).collect()]
     }
 
+    /// A sweep over half of the frequencies: the spread along it is a mean over many lines of the spectrum.
+    fn sweep(i: f64) -> f64 {
+        cos(0.5 * i + 0.0006 * i * i)
+    }
+
     #[test]
     fn in_white_noise_it_is_the_length_over_the_noise() {
-        let l = ruler(2.0, 0.0).length(&column(|i| 3.0 * cos(0.1 * i)));
+        let l = ruler(2.0, 0.0).length(&column(|i| 3.0 * sweep(i)));
         // ‖C‖/σ = 3·√(N/2)/2, nothing of it in the span of the sine.
         let expected = 1.5 * (0.5 * N as f64).sqrt();
-        assert!((l.beside / expected - 1.0).abs() < 0.06 && (l.all / expected - 1.0).abs() < 0.06, "{l:?} {expected}");
-        assert!((l.share - 1.0).abs() < 1e-3, "{l:?}");
+        assert!((l.beside / expected - 1.0).abs() < 0.05 && (l.all / expected - 1.0).abs() < 0.05, "{l:?} {expected}");
+        assert!((l.share - 1.0).abs() < 1e-2, "{l:?}");
     }
 
     #[test]
     fn what_a_refit_takes_has_no_length_beside_it() {
-        let l = ruler(2.0, 0.0).length(&column(|i| 3.0 * sin(0.1 * i) + 0.3 * cos(0.1 * i)));
-        // The sine is taken, the cosine stays: one part in √(1 + 10²).
-        assert!((l.share - 1.0 / 101.0_f64.sqrt()).abs() < 1e-3, "{l:?}");
+        let l = ruler(2.0, 0.0).length(&column(|i| 3.0 * sin(0.1 * i) + 0.3 * sweep(i)));
+        // The sine is taken, the sweep stays: one part in √(1 + 10²).
+        assert!((l.share - 1.0 / 101.0_f64.sqrt()).abs() < 3e-3, "{l:?}");
         assert!((l.beside / (0.15 * (0.5 * N as f64).sqrt()) - 1.0).abs() < 0.06, "{l:?}");
     }
 
