@@ -154,8 +154,16 @@ fn a_rocking_base_is_a_pendulum_of_the_whole_robot() {
 
 #[test]
 fn a_case_is_the_same_every_time_and_different_from_the_next() {
-    let wish =
-        |number| Wish { number, seed: 5, level: Level::L1, robot: "motobotte".to_string(), size: 4.0, effect: Some("spring".to_string()) };
+    let wish = |number| Wish {
+        number,
+        seed: 5,
+        level: Level::L1,
+        robot: "motobotte".to_string(),
+        size: 4.0,
+        noise: 1.0,
+        recordings: 2,
+        effect: Some("spring".to_string()),
+    };
     let (a, b, c) = (make(&wish(1)).unwrap(), make(&wish(1)).unwrap(), make(&wish(2)).unwrap());
     assert!(a.files == b.files && a.answer == b.answer && a.answer.salt != c.answer.salt && a.files != c.files);
     let spring = &a.answer.concealed[0];

@@ -3,13 +3,13 @@
 mod folder;
 mod trial;
 
-use core::sync::atomic::{AtomicUsize, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 use anyhow::{anyhow, ensure};
-use pkm_trials::case::{Level, MORE, ROBOTS, Wish, make};
+use pkm_trials::case::{Design, Level, MORE, ROBOTS, Wish, make};
 use pkm_trials::score::{Marks, judge, markdown, page};
 use pkm_trials::seal;
 
@@ -23,12 +23,19 @@ use folder::Folder;
 The plants, laws and random numbers of the trials are their own; the diagnosis sees the public files of a case and nothing else. What
 docs/PROOF.md says of the format lets you put in cases of your own: cases/NAME/ with case.toml, answers/NAME.json, seals.txt.
 
-Exit status: 0 all was scored, 1 a seal is broken, 2 bad usage or bad input.
+A run can be stopped with Ctrl-C at any time: what is complete stays, the diagnoses that are running are forgotten, --resume goes on.
+--seal-only and a later run without --cases keep the making and the diagnosing apart: hand over cases/ and seals.txt first, the answers
+later. --score-only opens the seals and counts what has been diagnosed so far.
+
+Exit status: 0 all was scored, 1 a seal is broken, 2 bad usage or bad input, 130 stopped by a signal.
 
 Examples:
   pkm prove --cases 40 --seed 1 --out proof
   pkm prove --cases 1200 --seed 7 --out proof --jobs 4 --resume
+  pkm prove --cases 80 --noise-factors 1,2,4,8 --level L2 --size 2 --out noise
+  pkm prove --cases 60 --recordings 1,2,4 --level L2 --size 2 --out lengths
   pkm prove --cases 40 --seed 1 --out proof --seal-only
+  pkm prove --out proof
   pkm prove --out proof --score-only")]
 pub(crate) struct Args {
     /// Number of cases to make; without it, those that lie in the folder are used.
@@ -52,6 +59,12 @@ pub(crate) struct Args {
     /// Size of an effect over the smallest that can be detected; may be given several times [default: 0.5 1 2 4].
     #[arg(long = "size", value_name = "X", value_parser = crate::diagnosis::positive)]
     sizes: Vec<f64>,
+    /// Factors on the noise of the sensors, drawn at random for every case; sizes stay those of factor 1 [default: 1].
+    #[arg(long, value_name = "F,F...", value_delimiter = ',', value_parser = crate::diagnosis::positive)]
+    noise_factors: Vec<f64>,
+    /// How many recordings there are to learn from, drawn at random for every case: 1 to 4; sizes stay those of 2 [default: 2].
+    #[arg(long, value_name = "N,N...", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..=4))]
+    recordings: Vec<u16>,
     /// Make and seal the cases, then stop.
     #[arg(long, conflicts_with = "score_only")]
     seal_only: bool,
@@ -83,13 +96,36 @@ fn robot(text: &str) -> Result<String, String> {
         .ok_or_else(|| format!("must be one of {}", known.copied().collect::<Vec<_>>().join(", ")))
 }
 
+/// Exit code after SIGINT, as shells give it.
+const STOPPED: u8 = 130;
+
+/// Whether somebody wants the run to end; what is complete by then stays.
+fn stopping() -> anyhow::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
+        signal_hook::flag::register(signal, Arc::clone(&stop))?;
+    }
+    Ok(stop)
+}
+
 /// Runs the verb.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let folder = Folder::new(&args.out);
+    let stop = stopping()?;
+    let stopped = || -> anyhow::Result<Option<ExitCode>> {
+        if stop.load(Ordering::SeqCst) {
+            out::error(&format!("stopped; `pkm prove --out {} --resume` with the same arguments goes on", args.out.display()));
+            return Ok(Some(ExitCode::from(STOPPED)));
+        }
+        Ok(None)
+    };
     if !args.score_only {
         if let Some(count) = args.cases {
             ensure!(args.resume || !folder.has_seals(), "{}: holds a run already; --resume goes on with it", args.out.display());
-            generate(args, &folder, count)?;
+            generate(args, &folder, count, &stop)?;
+            if let Some(code) = stopped()? {
+                return Ok(code);
+            }
         }
         let names = folder.names()?;
         let seals = folder.seals()?;
@@ -100,42 +136,59 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         if args.seal_only {
             return Ok(ExitCode::SUCCESS);
         }
-        diagnose(args, &folder, &names)?;
+        diagnose(args, &folder, &names, &stop)?;
+        if let Some(code) = stopped()? {
+            return Ok(code);
+        }
     }
     score(args, &folder)
 }
 
 /// Makes what is not there yet, several cases at a time; seals are written when every case is there.
-fn generate(args: &Args, folder: &Folder, count: u64) -> anyhow::Result<()> {
-    let levels = if args.levels.is_empty() { Level::ALL.to_vec() } else { args.levels.clone() };
-    let sizes = if args.sizes.is_empty() { vec![0.5, 1.0, 2.0, 4.0] } else { args.sizes.clone() };
+fn generate(args: &Args, folder: &Folder, count: u64, stop: &AtomicBool) -> anyhow::Result<()> {
+    let design = Design {
+        levels: args.levels.clone(),
+        robots: args.robots.clone(),
+        sizes: args.sizes.clone(),
+        noise_factors: args.noise_factors.clone(),
+        recordings: args.recordings.iter().map(|n| usize::from(*n)).collect(),
+    };
     folder.create()?;
     let numbers: Vec<u64> = (1..=count).filter(|n| !(args.resume && folder.has_case(&Folder::name(*n)))).collect();
-    each("making", args, &numbers, |n| {
-        let wish = Wish::of(*n, args.seed, (&levels, &args.robots), &sizes);
-        let case = make(&wish).map_err(|e| anyhow!("case {n}: {e}"))?;
+    each("making", args, stop, &numbers, |n| {
+        let case = make(&Wish::of(*n, args.seed, &design)).map_err(|e| anyhow!("case {n}: {e}"))?;
         folder.write_case(&Folder::name(*n), &case)
     })?;
-    folder.write_seals()
+    if stop.load(Ordering::SeqCst) { Ok(()) } else { folder.write_seals() }
 }
 
-fn diagnose(args: &Args, folder: &Folder, names: &[String]) -> anyhow::Result<()> {
+fn diagnose(args: &Args, folder: &Folder, names: &[String], stop: &AtomicBool) -> anyhow::Result<()> {
     let left: Vec<String> = names.iter().filter(|n| !folder.has_run(n)).cloned().collect();
-    each("diagnosing", args, &left, |name| {
-        let ran = trial::diagnose(folder, name, args.timeout)?;
-        folder.write_run(name, &ran)
+    if left.is_empty() {
+        return Ok(());
+    }
+    let engine = trial::Engine::this()?;
+    each("diagnosing", args, stop, &left, |name| match trial::diagnose(folder, name, &engine, (args.timeout, stop))? {
+        Some(ran) => folder.write_run(name, &ran),
+        None => Ok(()),
     })
 }
 
-/// Does `work` for every item in `args.jobs` threads; the first error ends it.
-fn each<T: Sync>(label: &'static str, args: &Args, items: &[T], work: impl Fn(&T) -> anyhow::Result<()> + Sync) -> anyhow::Result<()> {
+/// Does `work` for every item in `args.jobs` threads; the first error ends it, and so does `stop`.
+fn each<T: Sync>(
+    label: &'static str,
+    args: &Args,
+    stop: &AtomicBool,
+    items: &[T],
+    work: impl Fn(&T) -> anyhow::Result<()> + Sync,
+) -> anyhow::Result<()> {
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let progress = Mutex::new(Progress::new(label, args.quiet));
     let error = Mutex::new(None);
     std::thread::scope(|scope| {
         for _ in 0..args.jobs {
             scope.spawn(|| {
-                while let Some(item) = items.get(next.fetch_add(1, Ordering::SeqCst)) {
+                while let Some(item) = items.get(next.fetch_add(1, Ordering::SeqCst)).filter(|_| !stop.load(Ordering::SeqCst)) {
                     if let Err(e) = work(item) {
                         // The others finish what they have begun and find nothing more.
                         next.store(items.len(), Ordering::SeqCst);
@@ -162,11 +215,15 @@ fn score(args: &Args, folder: &Folder) -> anyhow::Result<ExitCode> {
             continue;
         }
         let Some(ran) = folder.run(name)? else { continue };
+        if folder.is_verdict_changed(name, &ran)? {
+            broken.push(format!("{name} (verdict)"));
+            continue;
+        }
         let answer = serde_json::from_str(&text).map_err(|e| anyhow!("answers/{name}.json: {e}"))?;
         marks.push(judge(name, &answer, folder.verdict(name)?.as_ref(), &ran));
     }
     if !broken.is_empty() {
-        out::error(&format!("answers changed after they had been sealed: {}", broken.join(", ")));
+        out::error(&format!("changed after they had been sealed: {}", broken.join(", ")));
         return Ok(ExitCode::from(1));
     }
     ensure!(!marks.is_empty(), "{}: nothing has been diagnosed yet", args.out.display());

@@ -1,27 +1,16 @@
 //! One case: a robot, a level of concealment, what is concealed and how large, and the recordings of it.
 
-use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
-use crate::laws::{Chain, Dry, Encoder, Friction, Resist};
-use crate::machine::{Hand, Machine, Push, Resistance, Trace};
-use crate::menu::{Choice, Fact, INSIDE, OUTSIDE, Parameter, Scene, choose, restless};
-use crate::plant::Plant;
+use crate::base::{Base, HOLDOUT, facts, file_name, run, speeds};
+use crate::bench::{Bench, Found, MEASURED};
+use crate::machine::{Hand, Push, Trace};
+use crate::menu::{Fact, Parameter, Scene, restless};
 use crate::random::Stream;
-use crate::reference::{Path, Reference, STEP, drive_ratio};
+use crate::reference::Reference;
 use crate::refit::{left_share, refit};
-use crate::residual::{BAND, Residual, Ruler, residual};
 use crate::robot::{Robot, RobotError, urdf_with};
 use crate::sensing::{Mishap, Noise, Recording};
-
-/// An effect of size one stands out of the noise by this many standard deviations.
-pub const Z: f64 = 4.0;
-
-/// Below this share beside the basis, an effect is one that a refit swallows.
-pub const INSIDE_SPAN: f64 = 0.05;
-
-/// Effects that a refit swallows whole, whatever the ruler finds beside it: stick at reversals moves, and that alone can be 5 %.
-const SWALLOWED: [&str; 4] = ["friction_viscous", "friction_coulomb", "inertia_error", "payload"];
 
 /// Robots of the trials.
 pub const ROBOTS: [&str; 5] = ["prs3", "serial_arm", "motobotte", "ups3_rpu1", "five_bar"];
@@ -29,11 +18,8 @@ pub const ROBOTS: [&str; 5] = ["prs3", "serial_arm", "motobotte", "ups3_rpu1", "
 /// Robots that cases can be made of on request: with more drives than freedoms, or like one of the others.
 pub const MORE: [&str; 1] = ["ups4"];
 
-/// Every fourth step is recorded: 250 samples per second.
-const EVERY: usize = 4;
-
-/// Integration steps per step of the reference, where no law asks for more.
-const SUBSTEPS: usize = 2;
+/// Sizes of effects unless others are asked for.
+pub const SIZES: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
 
 /// Bands for which what is left without anything concealed is written down `[Hz]`.
 const BANDS: [f64; 4] = [3.0, 6.0, 12.0, 24.0];
@@ -86,6 +72,21 @@ impl Level {
     }
 }
 
+/// What cases are drawn from; an empty list means all or the usual.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Design {
+    /// Levels.
+    pub levels: Vec<Level>,
+    /// Robots.
+    pub robots: Vec<String>,
+    /// Sizes of effects over the smallest that can be detected.
+    pub sizes: Vec<f64>,
+    /// Factors on the noise of the sensors; sizes stay those of factor 1.
+    pub noise_factors: Vec<f64>,
+    /// How many recordings there are to learn from: 1, 2 or 4; sizes stay those of 2.
+    pub recordings: Vec<usize>,
+}
+
 /// What is to be made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wish {
@@ -99,21 +100,29 @@ pub struct Wish {
     pub robot: String,
     /// Size of the effect over the smallest that can be detected.
     pub size: f64,
+    /// Factor on the noise of the sensors.
+    pub noise: f64,
+    /// Recordings to learn from.
+    pub recordings: usize,
     /// A certain effect in place of a random one.
     pub effect: Option<String>,
 }
 
 impl Wish {
-    /// The wish with that number: robots, levels and sizes in turn, all combinations in the long run.
+    /// The wish with that number: robots and levels in turn, the rest at random, all combinations in the long run.
     #[must_use]
-    pub fn of(number: u64, seed: u64, (levels, robots): (&[Level], &[String]), sizes: &[f64]) -> Self {
+    pub fn of(number: u64, seed: u64, design: &Design) -> Self {
         let mut random = Stream::new(seed, number, "wish");
-        let turn: Vec<Level> = Level::TURN.into_iter().filter(|l| levels.contains(l)).collect();
+        let turn: Vec<Level> = Level::TURN.into_iter().filter(|l| design.levels.is_empty() || design.levels.contains(l)).collect();
         // One further after every full turn of levels and robots: all pairs come about.
-        let names: Vec<&str> = if robots.is_empty() { ROBOTS.to_vec() } else { robots.iter().map(String::as_str).collect() };
+        let names: Vec<&str> =
+            if design.robots.is_empty() { ROBOTS.to_vec() } else { design.robots.iter().map(String::as_str).collect() };
         let robot = names[usize::try_from((number + number / 60) % names.len() as u64).unwrap_or(0)];
         let level = turn[usize::try_from(number % turn.len().max(1) as u64).unwrap_or(0)];
-        Self { number, seed, level, robot: robot.to_string(), size: *random.choose(sizes).unwrap_or(&1.0), effect: None }
+        let size = *random.choose(&design.sizes).or_else(|| random.choose(&SIZES)).unwrap_or(&1.0);
+        let noise = *random.choose(&design.noise_factors).unwrap_or(&1.0);
+        let recordings = *random.choose(&design.recordings).unwrap_or(&MEASURED);
+        Self { number, seed, level, robot: robot.to_string(), size, noise, recordings, effect: None }
     }
 }
 
@@ -137,6 +146,9 @@ pub struct Concealed {
     /// Share of the effect that a refit of the nominal robot cannot take.
     #[serde(default)]
     pub beside_refit: Option<f64>,
+    /// Share of the effort that the effect makes.
+    #[serde(default)]
+    pub effort_share: Option<f64>,
     /// True parameters.
     #[serde(default)]
     pub parameters: Vec<Parameter>,
@@ -158,6 +170,12 @@ pub struct Answer {
     /// Whether a patient moved on their own account.
     #[serde(default)]
     pub has_patient: bool,
+    /// Factor on the noise of the sensors.
+    #[serde(default)]
+    pub noise_factor: Option<f64>,
+    /// Recordings to learn from.
+    #[serde(default)]
+    pub recordings: Option<usize>,
     /// Frequency `[Hz]` and share of the holdout's effort that the true robot's own model leaves below it with nothing concealed.
     #[serde(default)]
     pub floor: Vec<[f64; 2]>,
@@ -172,229 +190,9 @@ pub struct Case {
     pub answer: Answer,
 }
 
-/// What every machine of a case begins from.
-struct Base {
-    plant: Plant,
-    machine: Machine,
-    references: Vec<Reference>,
-}
-
-/// Largest excursions from the middle of the motion, and that middle, per free coordinate.
-fn room(robot: &str, plant: &Plant) -> (Vec<f64>, Vec<f64>) {
-    let home: Vec<f64> = plant.free.iter().map(|&j| plant.home[j]).collect();
-    match robot {
-        "prs3" => (vec![0.15; 3], vec![0.07; 3]),
-        "motobotte" => (vec![0.0515], vec![0.035]),
-        "ups3_rpu1" => (home, vec![0.035; 4]),
-        "five_bar" => (home, vec![0.5; 2]),
-        "ups4" => (home, vec![0.22, 0.16, 0.18]),
-        _ => (vec![0.2, 0.3, -0.2, 0.3, 0.4, 0.2], vec![0.9, 0.5, 0.6, 1.0, 0.8, 1.2]),
-    }
-}
-
-/// Periods `[s]` of the recordings, and how often they come: two to learn from, the second slow, one to judge on.
-const PERIODS: [(f64, f64); 3] = [(4.0, 3.0), (8.0, 2.0), (5.0, 2.0)];
-
-/// Rotations of a foot are slow: speeds of the legs are limited.
-fn pace(robot: &str) -> f64 {
-    match robot {
-        "ups4" | "motobotte" => 2.0,
-        _ => 1.0,
-    }
-}
-
-fn base(wish: &Wish) -> Result<Base, RobotError> {
-    let mut random = Stream::new(wish.seed, wish.number, "base");
-    let plant = Plant::new(Robot::shipped(&wish.robot)?)?;
-    let mut truth = plant.robot.clone();
-    if wish.level.has_decoys() {
-        for j in &mut truth.joints {
-            j.inertia = j.inertia.times(1.0 + random.uniform(-0.05, 0.05));
-            j.viscous *= 1.0 + random.uniform(-0.05, 0.05);
-            j.coulomb *= 1.0 + random.uniform(-0.05, 0.05);
-        }
-    }
-    let (centre, reach) = room(&wish.robot, &plant);
-    let mut references = Vec::new();
-    for (i, (period, times)) in PERIODS.into_iter().enumerate() {
-        let period = period * pace(&wish.robot);
-        let path = Path::random(&centre, &reach.iter().map(|r| r * [1.0, 0.9, 0.85][i]).collect::<Vec<_>>(), (period, 5), &mut random);
-        references.push(Reference::inside_limits(&plant, &path, period * if pace(&wish.robot) > 1.0 { times.min(2.0) } else { times })?);
-    }
-    let machine = healthy(plant.weighing(truth), wish, &mut random)?;
-    Ok(Base { plant, machine, references })
-}
-
-/// Inertia that each drive feels with the others free.
-fn felt_inertia(plant: &Plant) -> Result<Vec<f64>, RobotError> {
-    let mut q = plant.home.clone();
-    let m = plant.moving(&mut q, &vec![0.0; plant.freedoms()])?;
-    let ratio = drive_ratio(plant, &m);
-    let inverse = m.mass.try_inverse().ok_or_else(|| RobotError::Unknown("a robot without inertia".to_string()))?;
-    let mobility = &ratio * inverse * ratio.transpose();
-    Ok((0..ratio.nrows()).map(|k| 1.0 / mobility[(k, k)].max(1e-12)).collect())
-}
-
-fn healthy(plant: Plant, wish: &Wish, random: &mut Stream) -> Result<Machine, RobotError> {
-    let inertia = felt_inertia(&plant)?;
-    let n = plant.robot.drives.len();
-    let bandwidth = core::f64::consts::TAU * if wish.level == Level::L0 { 1.0 } else { 5.0 };
-    let mut friction = Vec::new();
-    for (k, d) in plant.robot.drives.iter().enumerate() {
-        let j = &plant.robot.joints[d.joint];
-        // Bristles so stiff that their bending is lost in the noise, yet soft enough for the step.
-        let stiffness = inertia[k] * 300.0 * 300.0;
-        let reach = (j.coulomb / stiffness).max(1e-9);
-        // As narrow as the step allows: a friction that fades early is physics of its own.
-        let speed = (0.7 * STEP / SUBSTEPS as f64 * j.coulomb / inertia[k]).max(0.002 * j.speed);
-        let dry = match random.index(3) {
-            0 => Dry::Bristles { reach, damping: 0.7 * inertia[k] * 300.0 },
-            1 => Dry::Band { speed },
-            _ => Dry::Root { speed },
-        };
-        friction.push(Friction { dry, coulomb: j.coulomb, viscous: j.viscous, peak: [0.0; 3] });
-    }
-    let hold = if wish.level.has_decoys() { 0.5e-3 } else { 0.0 };
-    Ok(Machine {
-        friction,
-        resistances: passive(&plant),
-        flex: vec![None; n],
-        chains: vec![Chain { delay: hold, ..Chain::IDEAL }; n],
-        encoders: vec![Encoder::IDEAL; n],
-        drift: vec![0.0; n],
-        hands: Vec::new(),
-        felt: Vec::new(),
-        rock: None,
-        gains: inertia.iter().map(|m| [m * bandwidth * bandwidth, 2.0 * m * bandwidth]).collect(),
-        substeps: SUBSTEPS,
-        plant,
-    })
-}
-
-/// Friction that the robot's file gives to joints without a drive.
-fn passive(plant: &Plant) -> Vec<Resistance> {
-    let is_driven = |i: usize| plant.robot.drives.iter().any(|d| d.joint == i);
-    let mut out = Vec::new();
-    for (joint, j) in plant.robot.joints.iter().enumerate().filter(|(i, _)| !is_driven(*i)) {
-        for (law, size) in [(Resist::Viscous, j.viscous), (Resist::Coulomb { speed: 0.01 * j.speed }, j.coulomb)] {
-            if size > 0.0 {
-                out.push(Resistance { joint, other: joint, law, size });
-            }
-        }
-    }
-    out
-}
-
-fn facts(plant: &Plant, trace: &Trace) -> Result<Vec<Fact>, RobotError> {
-    let inertia = felt_inertia(plant)?;
-    let n = trace.t.len() as f64;
-    let fact = |k: usize| {
-        let mean = |x: &[Vec<f64>]| x.iter().map(|r| r[k]).sum::<f64>() / n;
-        let spread = |x: &[Vec<f64>]| (x.iter().map(|r| (r[k] - mean(x)) * (r[k] - mean(x))).sum::<f64>() / n).sqrt();
-        let ends = trace.reading.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |e, r| [e[0].min(r[k]), e[1].max(r[k])]);
-        Fact {
-            spread: spread(&trace.effort),
-            peak: trace.effort.iter().map(|r| r[k].abs()).fold(0.0, f64::max),
-            centre: 0.5 * (ends[0] + ends[1]),
-            reach: 0.5 * (ends[1] - ends[0]),
-            speed: (trace.rate.iter().map(|r| r[k] * r[k]).sum::<f64>() / n).sqrt(),
-            inertia: inertia[k],
-        }
-    };
-    Ok((0..plant.robot.drives.len()).map(fact).collect())
-}
-
-/// Root mean square of the velocity of every joint.
-fn speeds(trace: &Trace) -> Vec<f64> {
-    let n = trace.truth.first().map_or(0, Vec::len);
-    let dt = trace.t[1] - trace.t[0];
-    let square = |j: usize| trace.truth.windows(2).map(|w| (w[1][j] - w[0][j]) * (w[1][j] - w[0][j])).sum::<f64>();
-    (0..n).map(|j| (square(j) / trace.t.len() as f64).sqrt() / dt).collect()
-}
-
-/// What calibrates sizes: healthy residuals and the ruler over them.
-struct Bench<'a> {
-    base: &'a Base,
-    noise: Noise,
-    healthy: Vec<Residual>,
-    ruler: Ruler,
-}
-
-impl Bench<'_> {
-    /// Lengths, all and beside the basis, of what a choice of that size adds to the recordings that are learnt from.
-    fn lengths(&self, choice: &Choice, size: f64) -> Result<[f64; 2], RobotError> {
-        let mut column: Vec<DVector<f64>> = Vec::new();
-        for (r, healthy) in self.healthy.iter().enumerate() {
-            let mut machine = self.base.machine.clone();
-            choice.put_on(&mut machine, size, r)?;
-            let trace = machine.run(&self.base.references[r], EVERY)?;
-            column.extend(residual(&self.base.plant, &trace, &self.noise.silent(&trace), BAND)?.minus(healthy));
-        }
-        Ok(self.ruler.lengths(&column))
-    }
-
-    /// Finds the size at which the effect stands out by `wanted`; returns it, what came out, and the share beside the basis.
-    fn calibrate(&self, choice: &Choice, wanted: f64, may_be_inside: bool) -> Result<Option<[f64; 3]>, RobotError> {
-        let mut size = choice.start;
-        let mut known: Option<[f64; 2]> = None;
-        let mut outcome = None;
-        for _ in 0..6 {
-            let Ok([all, beside]) = self.lengths(choice, size) else {
-                // Too much for the robot: smaller.
-                size *= 0.3;
-                continue;
-            };
-            let share = beside / all.max(1e-300);
-            let is_inside = share < INSIDE_SPAN;
-            if is_inside && !may_be_inside {
-                return Ok(None);
-            }
-            let length = if is_inside { all } else { beside } / Z;
-            outcome = Some([size, length, share]);
-            if (length / wanted - 1.0).abs() < 0.1 || length <= 0.0 {
-                break;
-            }
-            // Locally a power of the size; between a third and three to begin with.
-            let power = known.map_or(1.0, |[s, l]| {
-                let p = crate::math::ln(length / l) / crate::math::ln(size / s);
-                if p.is_finite() { p.clamp(0.3, 3.0) } else { 1.0 }
-            });
-            known = Some([size, length]);
-            let next = (size * crate::math::pow(wanted / length, 1.0 / power)).clamp(size * 1e-3, size * 1e3).min(choice.cap);
-            if (next / size - 1.0).abs() < 1e-6 {
-                break;
-            }
-            size = next;
-        }
-        // Nothing that is nowhere near what was asked for; a cap may keep it smaller.
-        Ok(outcome.filter(|[_, length, _]| *length > 0.2 * wanted && *length < 3.0 * wanted))
-    }
-}
-
-/// Chooses effects and finds their sizes.
-fn conceal(wish: &Wish, bench: &Bench<'_>, scene: &Scene<'_>, random: &mut Stream) -> Result<Vec<(Choice, [f64; 3])>, RobotError> {
-    let count = match wish.level {
-        Level::L4 => 2,
-        level if level.is_healthy() => 0,
-        _ => 1,
-    };
-    let mut out: Vec<(Choice, [f64; 3])> = Vec::new();
-    for _ in 0..40 {
-        if out.len() == count {
-            return Ok(out);
-        }
-        let list: &[&str] = if wish.level == Level::L5 { &OUTSIDE } else { &INSIDE };
-        let drawn = *random.choose(list).unwrap_or(&list[0]);
-        let name = wish.effect.as_deref().unwrap_or(drawn);
-        // Two effects must be two, and a base that rocks renumbers what others have been put on.
-        let is_taken = out.iter().any(|(c, _)| c.effect == name) || (count > 1 && name == "structure_flexibility");
-        let is_swallowed = wish.level.is_refitted() && SWALLOWED.contains(&name);
-        let Some(choice) = (!is_taken && !is_swallowed).then(|| choose(name, scene, random)).flatten() else { continue };
-        if let Some(found) = bench.calibrate(&choice, wish.size, !wish.level.is_refitted())? {
-            out.push((choice, found));
-        }
-    }
-    Err(RobotError::Unknown(format!("case {}: nothing could be concealed in {}", wish.number, wish.robot)))
+/// Recordings of a case: those to learn from, then the one to judge on.
+fn recorded(wish: &Wish) -> Vec<usize> {
+    (0..wish.recordings.clamp(1, HOLDOUT)).chain([HOLDOUT]).collect()
 }
 
 /// Makes a case.
@@ -402,26 +200,31 @@ fn conceal(wish: &Wish, bench: &Bench<'_>, scene: &Scene<'_>, random: &mut Strea
 /// # Errors
 /// When the robot cannot be read, cannot move, or nothing can be concealed in it.
 pub fn make(wish: &Wish) -> Result<Case, RobotError> {
-    let base = base(wish)?;
+    let base = Base::new(wish)?;
     let mut random = Stream::new(wish.seed, wish.number, "case");
-    let silent: Vec<Trace> = base.references.iter().map(|r| base.machine.run(r, EVERY)).collect::<Result<_, _>>()?;
+    let mut paths = Stream::new(wish.seed, wish.number, "paths");
+    let references: Vec<Reference> = (0..=HOLDOUT).map(|r| base.reference(r, &mut paths)).collect::<Result<_, _>>()?;
+    let silent: Vec<Trace> = references[..MEASURED].iter().map(|r| run(&base.machine, r)).collect::<Result<_, _>>()?;
     let facts = facts(&base.plant, &silent[0])?;
     let spread: Vec<f64> = facts.iter().map(|f| f.spread).collect();
     let mut noise = Noise::typical(&base.plant.robot, &spread, random.uniform(0.01, 0.02), random.chance(0.5));
     if wish.level.has_decoys() {
         noise.coloured = spread.iter().map(|s| 0.02 * s).collect();
     }
-    let bench = bench(&base, noise, &silent[..2], wish)?;
+    let bench = Bench::new(&base, &noise, &references, &silent, wish)?;
     let scene = Scene { plant: &base.plant, facts: &facts, speeds: &speeds(&silent[0]) };
-    let concealed = conceal(wish, &bench, &scene, &mut random)?;
+    let concealed = bench.conceal(wish, &scene, &mut random)?;
     let has_patient = wish.level == Level::L7 && random.chance(0.5);
-    let traces = perform(&base, &concealed, has_patient.then_some(&facts[0]), &mut random)?;
+    let noise = noise.times(wish.noise);
     let mut stream = Stream::new(wish.seed, wish.number, "sensors");
-    let mut taken: Vec<Recording> = traces.iter().map(|t| bench.noise.record(t, &mut stream)).collect();
+    let traces = perform((&base, &references), (wish, &concealed), has_patient.then_some(&facts[0]), &mut random)?;
+    let mut taken: Vec<Recording> = traces.iter().map(|t| noise.record(t, &mut stream)).collect();
     let knowing = base.plant.weighing(base.machine.plant.robot.clone());
-    let floor = left_share(&knowing, &silent[2], &bench.noise.record(&silent[2], &mut stream), &BANDS)?;
+    let judged = run(&base.machine, &references[HOLDOUT])?;
+    let floor = left_share(&knowing, &judged, &noise.record(&judged, &mut stream), &BANDS)?;
     let robot = if wish.level.is_refitted() {
-        refit(&base.plant, &[(&traces[0], &taken[0]), (&traces[1], &taken[1])], &bench.ruler.noise)?
+        let learnt: Vec<(&Trace, &Recording)> = traces.iter().zip(&taken).take(taken.len() - 1).collect();
+        refit(&base.plant, &learnt, bench.weights())?
     } else {
         base.plant.robot.clone()
     };
@@ -438,65 +241,62 @@ pub fn make(wish: &Wish) -> Result<Case, RobotError> {
         robot: wish.robot.clone(),
         concealed: concealed.iter().map(told).collect(),
         has_patient,
+        noise_factor: Some(wish.noise),
+        recordings: Some(taken.len() - 1),
         floor,
     };
     Ok(Case { files: files(wish, &robot, &taken, &concealed)?, answer })
 }
 
-fn bench<'a>(base: &'a Base, noise: Noise, silent: &[Trace], wish: &Wish) -> Result<Bench<'a>, RobotError> {
-    let mut stream = Stream::new(wish.seed, wish.number, "ruler");
-    let measure = |t: &Trace, r: &Recording| residual(&base.plant, t, r, BAND);
-    let noisy = silent.iter().map(|t| measure(t, &noise.record(t, &mut stream))).collect::<Result<Vec<_>, _>>()?;
-    let healthy = silent.iter().map(|t| measure(t, &noise.silent(t))).collect::<Result<Vec<_>, _>>()?;
-    let ruler = Ruler::new(&base.plant, &noisy, &healthy);
-    Ok(Bench { base, noise, healthy, ruler })
-}
-
 /// The recordings' motions with everything concealed.
-fn perform(base: &Base, concealed: &[(Choice, [f64; 3])], patient: Option<&Fact>, random: &mut Stream) -> Result<Vec<Trace>, RobotError> {
+fn perform(
+    (base, references): (&Base, &[Reference]),
+    (wish, concealed): (&Wish, &[Found]),
+    patient: Option<&Fact>,
+    random: &mut Stream,
+) -> Result<Vec<Trace>, RobotError> {
     let push = restless(random);
     let mut out = Vec::new();
-    for (r, reference) in base.references.iter().enumerate() {
+    for r in recorded(wish) {
         let mut machine = base.machine.clone();
-        for (choice, [size, _, _]) in concealed {
-            choice.put_on(&mut machine, *size, r)?;
+        for found in concealed {
+            found.choice.put_on(&mut machine, found.amount, r)?;
         }
         if let Some(fact) = patient {
             let link = base.plant.robot.end();
             let point = base.plant.robot.joints[link].inertia.centre();
             machine.hands.push(Hand { link, point, push: Push::Restless { sines: push(0.05 * fact.spread, r) } });
         }
-        out.push(machine.run(reference, EVERY)?);
+        out.push(run(&machine, &references[r])?);
     }
     Ok(out)
 }
 
-fn told((choice, [size, length, share]): &(Choice, [f64; 3])) -> Concealed {
+fn told(found: &Found) -> Concealed {
     Concealed {
-        effect: choice.effect.clone(),
-        place: choice.place.clone(),
-        form: choice.form.to_string(),
-        is_textbook: choice.is_textbook,
-        size: Some(*length),
-        beside_refit: Some(*share),
-        parameters: choice.parameters(*size),
+        effect: found.choice.effect.clone(),
+        place: found.choice.place.clone(),
+        form: found.choice.form.to_string(),
+        is_textbook: found.choice.is_textbook,
+        size: Some(found.size),
+        beside_refit: Some(found.share),
+        effort_share: Some(found.effort),
+        parameters: found.choice.parameters(found.amount),
     }
 }
 
-/// Names of the recordings; the last one is the holdout.
-pub const RECORDINGS: [&str; 3] = ["A.csv", "B.csv", "V.csv"];
-
-fn files(wish: &Wish, robot: &Robot, taken: &[Recording], concealed: &[(Choice, [f64; 3])]) -> Result<Vec<(String, String)>, RobotError> {
+fn files(wish: &Wish, robot: &Robot, taken: &[Recording], concealed: &[Found]) -> Result<Vec<(String, String)>, RobotError> {
     let Some(shipped) = pkm_robots::find(&wish.robot) else { return Err(RobotError::Unknown(format!("no shipped robot {}", wish.robot))) };
     let urdf_name = shipped.urdf_name.rsplit('/').next().unwrap_or("robot.urdf");
     let urdf = if wish.level.is_refitted() { urdf_with(robot, shipped.urdf)? } else { shipped.urdf.to_string() };
-    let is_commanded = concealed.iter().any(|(c, _)| ["saturation", "dead_zone"].contains(&c.effect.as_str()));
+    let is_commanded = concealed.iter().any(|f| ["saturation", "dead_zone"].contains(&f.choice.effect.as_str()));
     let metadata = [format!("tau = {}", if is_commanded { "commanded" } else { "measured" })];
     let mut out = vec![("robot.toml".to_string(), shipped.toml.to_string()), (urdf_name.to_string(), urdf)];
-    for (name, recording) in RECORDINGS.iter().zip(taken) {
+    let names: Vec<&str> = recorded(wish).into_iter().map(file_name).collect();
+    for (name, recording) in names.iter().zip(taken) {
         out.push(((*name).to_string(), recording.csv(robot, &metadata)));
     }
-    let manifest = "recordings = [\"A.csv\", \"B.csv\"]\nholdouts = [\"V.csv\"]\n";
-    out.push(("case.toml".to_string(), manifest.to_string()));
+    let learnt: Vec<String> = names[..names.len() - 1].iter().map(|n| format!("{n:?}")).collect();
+    out.push(("case.toml".to_string(), format!("recordings = [{}]\nholdouts = [{:?}]\n", learnt.join(", "), names[names.len() - 1])));
     Ok(out)
 }

@@ -4,6 +4,7 @@ use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use nalgebra::Vector3;
 
+use crate::base::HOLDOUT;
 use crate::laws::{Dry, Flex, Resist};
 use crate::machine::{Felt, Hand, Machine, Push, Resistance};
 use crate::math::{cos, pow, sin};
@@ -655,7 +656,7 @@ impl Pick<'_> {
                 let times = [start, start + random.uniform(2.0, 4.0)];
                 let apply: Apply = Box::new(move |m, a, recording| {
                     // Nobody pushes during the holdout.
-                    if recording < 2 { hold(m, Push::Between { along: along * a, times }) } else { Ok(()) }
+                    if recording < HOLDOUT { hold(m, Push::Between { along: along * a, times }) } else { Ok(()) }
                 });
                 Choice::new(name, &here, "swelling and fading", 2.0 * force, apply)
             }

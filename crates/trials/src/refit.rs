@@ -5,8 +5,9 @@ use nalgebra::{DMatrix, DVector};
 use crate::machine::Trace;
 use crate::plant::Plant;
 use crate::reference::drive_ratio;
-use crate::residual::{BAND, Residual, gram, residual};
+use crate::residual::{BAND, Residual, basis, residual};
 use crate::robot::{Inertia, Robot, RobotError};
+use crate::ruler::gram;
 use crate::sensing::Recording;
 
 /// Weights of the prior that are tried: standard deviation of 30 % at weight 1.
@@ -25,10 +26,13 @@ const SOLID: f64 = 1e-4;
 pub fn refit(nominal: &Plant, taken: &[(&Trace, &Recording)], noise: &DVector<f64>) -> Result<Robot, RobotError> {
     let measure = |plant: &Plant| taken.iter().map(|(t, r)| residual(plant, t, r, BAND)).collect::<Result<Vec<Residual>, RobotError>>();
     let before = measure(nominal)?;
-    let basis: Vec<DMatrix<f64>> = before.iter().flat_map(|r| r.basis(nominal)).collect();
-    let normal = gram(&basis, noise);
+    let mut columns: Vec<DMatrix<f64>> = Vec::new();
+    for (trace, recording) in taken {
+        columns.extend(basis(nominal, trace, recording, BAND)?);
+    }
+    let normal = gram(&columns, noise);
     let mut right = DVector::zeros(normal.nrows());
-    for (b, y) in basis.iter().zip(before.iter().flat_map(|r| &r.rows)) {
+    for (b, y) in columns.iter().zip(before.iter().flat_map(|r| &r.rows)) {
         right += b.tr_mul(&y.component_div(noise).component_div(noise));
     }
     let scale = scales(nominal);

@@ -4,10 +4,10 @@ use alloc::collections::BTreeMap;
 
 use sha2::{Digest, Sha256};
 
-/// SHA-256 of a text, in hexadecimal.
+/// SHA-256 of a text or of bytes, in hexadecimal.
 #[must_use]
-pub fn sha256(text: &str) -> String {
-    Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+pub fn sha256(of: impl AsRef<[u8]>) -> String {
+    Sha256::digest(of.as_ref()).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Hashes of answers by the name of their case, as the text of a file of seals: one `hash  name` per line, as `sha256sum` writes them.

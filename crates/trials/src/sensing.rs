@@ -47,6 +47,13 @@ impl Noise {
         }
     }
 
+    /// The same sensors with `factor` times the noise, steps of encoders included.
+    #[must_use]
+    pub fn times(&self, factor: f64) -> Self {
+        let more = |x: &[f64]| x.iter().map(|v| v * factor).collect();
+        Self { quantum: more(&self.quantum), effort: more(&self.effort), coloured: more(&self.coloured), has_rate: self.has_rate }
+    }
+
     /// Records a trace.
     #[must_use]
     pub fn record(&self, trace: &Trace, random: &mut Stream) -> Recording {

@@ -158,6 +158,13 @@ impl Folder {
         optional(&self.run_path(name))
     }
 
+    /// Whether the verdict is another than the one that was noted when the diagnosis ended.
+    pub(super) fn is_verdict_changed(&self, name: &str, ran: &Ran) -> anyhow::Result<bool> {
+        let Some(noted) = &ran.verdict else { return Ok(false) };
+        let path = self.verdict_path(name);
+        Ok(!path.exists() || seal::sha256(&read(&path)?) != *noted)
+    }
+
     /// The verdict on a case; none where there is none.
     pub(super) fn verdict(&self, name: &str) -> anyhow::Result<Option<Verdict>> {
         optional(&self.verdict_path(name))

@@ -1,29 +1,57 @@
 //! One diagnosis of a trial: a process of its own, in a folder that holds the public files and nothing else.
 
+use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use std::fs;
-use std::path::Path;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 use anyhow::{Context, ensure};
 use pkm_hal::{Clock, MonotonicClock};
 use pkm_trials::score::Ran;
+use pkm_trials::seal;
 
 use super::folder::{Folder, write};
 
 /// How often a running diagnosis is looked at.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Diagnoses a case and moves its verdict to the run's folder.
+/// The program that diagnoses: this one, as it is on the disk when the run begins.
+pub(super) struct Engine {
+    path: PathBuf,
+    name: String,
+}
+
+impl Engine {
+    /// Asks for its version and hashes its file.
+    ///
+    /// # Errors
+    /// A program that cannot be read or started.
+    pub(super) fn this() -> anyhow::Result<Self> {
+        let path = std::env::current_exe()?;
+        let said = Command::new(&path).arg("--version").stdin(Stdio::null()).output().context("pkm --version")?;
+        let version = String::from_utf8_lossy(&said.stdout).trim().to_string();
+        let bytes = fs::read(&path).with_context(|| path.display().to_string())?;
+        Ok(Self { path, name: format!("{version}, SHA-256 {}", seal::sha256(&bytes)) })
+    }
+}
+
+/// Diagnoses a case and moves its verdict to the run's folder; none when `stop` was raised meanwhile, and then nothing is kept.
 ///
 /// # Errors
 /// When files are missing or a process cannot be started; a diagnosis that fails is no error but a result.
-pub(super) fn diagnose(folder: &Folder, name: &str, timeout: f64) -> anyhow::Result<Ran> {
+pub(super) fn diagnose(
+    folder: &Folder,
+    name: &str,
+    engine: &Engine,
+    (timeout, stop): (f64, &AtomicBool),
+) -> anyhow::Result<Option<Ran>> {
     let manifest = folder.manifest(name)?;
     // Elsewhere, under a name that says nothing: neither answers nor other cases lie beside it.
     let room = tempfile::tempdir()?;
     copy(&folder.case(name), room.path())?;
-    let mut command = Command::new(std::env::current_exe()?);
+    let mut command = Command::new(&engine.path);
     command.arg("diagnose").arg("robot.toml").args(["--json", "verdict.json", "--quiet"]);
     manifest.recordings.iter().for_each(|r| {
         command.args(["--recording", r]);
@@ -32,27 +60,34 @@ pub(super) fn diagnose(folder: &Folder, name: &str, timeout: f64) -> anyhow::Res
         command.args(["--holdout", r]);
     });
     let errors = fs::File::create(room.path().join("stderr.txt"))?;
-    command.current_dir(room.path()).stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors);
+    // A group of its own: Ctrl-C reaches this process alone, so that a diagnosis that was stopped is not taken for one that failed.
+    command.current_dir(room.path()).stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors).process_group(0);
     let clock = MonotonicClock::start();
     let mut child = command.spawn().context("pkm diagnose")?;
-    let exit = wait(&mut child, &clock, timeout)?;
+    let exit = wait(&mut child, &clock, timeout, stop)?;
+    if stop.load(Ordering::SeqCst) {
+        return Ok(None);
+    }
     let seconds = clock.now_ns() as f64 * 1e-9;
     let told = fs::read_to_string(room.path().join("stderr.txt")).unwrap_or_default();
+    let mut verdict = None;
     if let Ok(text) = fs::read_to_string(room.path().join("verdict.json")) {
         let path = folder.verdict_path(name);
         fs::create_dir_all(crate::outputs::folder(&path))?;
         write(&path, &text)?;
+        verdict = Some(seal::sha256(&text));
     }
-    Ok(Ran { seconds, exit, error: told.lines().next().unwrap_or_default().to_string() })
+    let error = told.lines().next().unwrap_or_default().to_string();
+    Ok(Some(Ran { seconds, exit, error, engine: engine.name.clone(), verdict }))
 }
 
-/// Exit status; none when it was stopped, after `timeout` `[s]` or by a signal.
-fn wait(child: &mut Child, clock: &MonotonicClock, timeout: f64) -> anyhow::Result<Option<i32>> {
+/// Exit status; none when it was stopped, after `timeout` `[s]`, by `stop` or by a signal.
+fn wait(child: &mut Child, clock: &MonotonicClock, timeout: f64, stop: &AtomicBool) -> anyhow::Result<Option<i32>> {
     loop {
         if let Some(status) = child.try_wait()? {
             return Ok(status.code());
         }
-        if clock.now_ns() as f64 * 1e-9 > timeout {
+        if clock.now_ns() as f64 * 1e-9 > timeout || stop.load(Ordering::SeqCst) {
             child.kill()?;
             child.wait()?;
             return Ok(None);

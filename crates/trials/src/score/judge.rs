@@ -3,8 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::verdict::{Finding, Verdict};
+use crate::bench::MEASURED;
 use crate::case::{Answer, Concealed, Level};
 use crate::math::{exp, ln};
+use crate::residual::BAND;
 
 /// How a diagnosis ran, whatever it said.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -16,6 +18,25 @@ pub struct Ran {
     /// First line of its errors.
     #[serde(default)]
     pub error: String,
+    /// Version of the program that ran, and the SHA-256 of its file.
+    #[serde(default)]
+    pub engine: String,
+    /// SHA-256 of the verdict; none where there is none.
+    #[serde(default)]
+    pub verdict: Option<String>,
+}
+
+/// What an effect asks of a diagnosis.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Asked {
+    /// Name of the effect.
+    pub effect: String,
+    /// Size over the smallest that can be detected.
+    pub size: f64,
+    /// Share of the effort that the effect makes.
+    pub effort: f64,
+    /// Share of the effect that no refit takes.
+    pub beside: f64,
 }
 
 /// What came of one case.
@@ -31,6 +52,14 @@ pub struct Marks {
     pub concealed: Vec<String>,
     /// Smallest size among the effects, over the smallest that can be detected.
     pub size: Option<f64>,
+    /// How much of the effort each effect makes, where that was measured.
+    pub asked: Vec<Asked>,
+    /// Share of the holdout's effort that the healthy robot's own model leaves below 10 Hz.
+    pub floor: Option<f64>,
+    /// Factor on the noise of the sensors.
+    pub noise: f64,
+    /// Recordings to learn from.
+    pub recordings: usize,
     /// What was said, as `effect@place`, in order; `unexplained` and a status that is not ok at the end.
     pub said: Vec<String>,
     /// The diagnosis ended with a verdict.
@@ -65,6 +94,8 @@ pub struct Marks {
     pub stated: Vec<(f64, bool)>,
     /// Time `[s]`.
     pub seconds: f64,
+    /// Version of the program that diagnosed, and the SHA-256 of its file.
+    pub engine: String,
 }
 
 fn meets(a: &[String], b: &[String]) -> bool {
@@ -123,6 +154,10 @@ pub fn judge(case: &str, answer: &Answer, verdict: Option<&Verdict>, ran: &Ran) 
         robot: answer.robot.clone(),
         concealed: truths.iter().map(|t| format!("{}@{}", t.effect, t.place.join("+"))).collect(),
         size: truths.iter().filter_map(|t| t.size).min_by(f64::total_cmp),
+        asked: truths.iter().filter_map(asked).collect(),
+        floor: floor_below(&answer.floor, BAND),
+        noise: answer.noise_factor.unwrap_or(1.0),
+        recordings: answer.recordings.unwrap_or(MEASURED),
         said: said(v),
         ran: verdict.is_some(),
         is_detected: !v.findings.is_empty() || v.unexplained.present || says_restless,
@@ -140,7 +175,13 @@ pub fn judge(case: &str, answer: &Answer, verdict: Option<&Verdict>, ran: &Ran) 
         explained: explained(answer, v),
         stated: v.findings.iter().map(|f| (f.confidence, is_right(f) || others(f) || is_patient(f, answer))).collect(),
         seconds: ran.seconds,
+        engine: ran.engine.clone(),
     }
+}
+
+fn asked(truth: &Concealed) -> Option<Asked> {
+    let (size, effort, beside) = (truth.size?, truth.effort_share?, truth.beside_refit?);
+    Some(Asked { effect: truth.effect.clone(), size, effort, beside })
 }
 
 fn said(v: &Verdict) -> Vec<String> {
@@ -222,11 +263,12 @@ mod tests {
             is_textbook: false,
             size: Some(2.0),
             beside_refit: Some(0.5),
+            effort_share: None,
             parameters,
         };
         let concealed = if effect.is_empty() { Vec::new() } else { vec![concealed] };
         let floor = vec![[3.0, 0.01], [12.0, 0.02]];
-        Answer { schema: String::new(), salt: String::new(), level, robot: "prs3".to_string(), concealed, has_patient: false, floor }
+        Answer { schema: String::new(), salt: String::new(), level, robot: "prs3".to_string(), concealed, has_patient: false, noise_factor: None, recordings: None, floor }
     }
 
     fn verdict(json: &str) -> Verdict {

@@ -1,12 +1,14 @@
 //! Scores: verdicts against opened answers, counted with their intervals, as a table and as a picture.
 
+mod asked;
+mod curves;
 mod judge;
 mod picture;
 mod table;
 mod tally;
 mod verdict;
 
-pub use judge::{Marks, Ran, judge};
+pub use judge::{Asked, Marks, Ran, judge};
 pub use picture::page;
 pub use table::markdown;
 pub use tally::{Count, Tally, tally, wilson};

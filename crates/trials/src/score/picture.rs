@@ -3,6 +3,7 @@
 use alloc::collections::BTreeSet;
 use core::fmt::Write as _;
 
+use super::curves::{detection, reliability};
 use super::judge::Marks;
 use super::table::markdown;
 
@@ -107,10 +108,14 @@ pub fn page(title: &str, marks: &[Marks]) -> String {
             "table{{border-collapse:collapse;margin:1rem 0;font-size:13px}}td,th{{border:1px solid #ddd;padding:3px 8px;text-align:left}}",
             "</style></head>\n<body><h1>{title}</h1><h2>Who was taken for whom</h2>",
             "<p>Concealed in rows, said first in columns; cases with two effects left out.</p><div class=\"scroll\">{matrix}</div>",
+            "<h2>Detection against size</h2><p>Bars are intervals of 95 %; the dashed line is what is said of healthy robots.</p>{detection}",
+            "<h2>Stated confidence</h2><p>Grey: as stated.</p>{reliability}",
             "<h2>Counts</h2><div class=\"scroll\">{tables}</div></body></html>\n"
         ),
         title = escape(title),
         matrix = matrix(marks),
+        detection = detection(marks),
+        reliability = reliability(marks),
         tables = tables(&markdown(marks)),
     )
 }
@@ -130,6 +135,8 @@ mod tests {
             robot: "<b>".to_string(),
             concealed: Vec::new(),
             has_patient: false,
+            noise_factor: None,
+            recordings: None,
             floor: Vec::new(),
         };
         let verdict = serde_json::from_str(r#"{"status":"ok","findings":[{"effect":"<script>","where":["q1"]}]}"#).unwrap();
@@ -139,5 +146,36 @@ mod tests {
         // One row (nothing), two columns (the name, no verdict): two cells, both filled.
         assert_eq!(html.matches("fill-opacity").count(), 2);
         assert!(html.contains("<td>false alarms, nothing concealed (L6, L7)</td><td>50 % (1/2; 9–91)</td>"), "{html}");
+    }
+
+    #[test]
+    fn a_share_stands_at_its_height_and_nothing_tried_has_no_point() {
+        let answer = |size: Option<f64>| Answer {
+            schema: String::new(),
+            salt: String::new(),
+            level: if size.is_some() { Level::L2 } else { Level::L6 },
+            robot: String::new(),
+            concealed: size
+                .map(|s| serde_json::from_str(&format!(r#"{{"effect":"spring","where":["q1"],"size":{s}}}"#)).unwrap())
+                .into_iter()
+                .collect(),
+            has_patient: false,
+            noise_factor: None,
+            recordings: None,
+            floor: Vec::new(),
+        };
+        let right = serde_json::from_str(r#"{"status":"ok","findings":[{"effect":"spring","where":["q1"],"confidence":0.75}]}"#).unwrap();
+        let marks = [
+            judge("1", &answer(Some(1.0)), None, &Ran::default()),
+            judge("2", &answer(Some(4.0)), Some(&right), &Ran::default()),
+            judge("3", &answer(None), None, &Ran::default()),
+        ];
+        let svg = detection(&marks);
+        // Three lines of two points: 0 of 1 at the bottom (240), 1 of 1 at the top (34). One dashed line of alarms, none of one.
+        assert_eq!((svg.matches("<circle").count(), svg.matches(r#"cy="34.0""#).count(), svg.matches(r#"cy="240.0""#).count()), (6, 3, 3));
+        assert_eq!(svg.matches("stroke-dasharray").count(), 1);
+        let svg = reliability(&marks);
+        // One bin at 0.75 of the width between 50 and 450, all of it right.
+        assert!(svg.contains(r#"<circle cx="350.0" cy="34.0""#) && svg.matches("<circle").count() == 1, "{svg}");
     }
 }

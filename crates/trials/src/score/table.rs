@@ -3,6 +3,7 @@
 use alloc::collections::BTreeSet;
 use core::fmt::Write as _;
 
+use super::asked::asked;
 use super::judge::Marks;
 use super::tally::{Count, Tally, tally};
 use crate::case::Level;
@@ -18,16 +19,29 @@ fn number(x: Option<f64>) -> String {
     x.map_or_else(|| "–".to_string(), |x| format!("{x:.2}"))
 }
 
-/// Tallies: all, per level, per size, per robot.
+/// Bins of sizes.
+pub(crate) const SIZES: [(f64, f64); 6] = [(0.0, 0.75), (0.75, 1.5), (1.5, 3.0), (3.0, 6.0), (6.0, 12.0), (12.0, f64::INFINITY)];
+
+/// Tallies: all, per level, per size, per noise and number of recordings where they differ, per robot.
 pub(crate) fn tallies(marks: &[Marks]) -> Vec<Tally> {
     let mut out = vec![tally("all", marks, |_| true)];
     out.push(tally("L2 and L3, size 1.5 and more", marks, |m| {
         [Level::L2, Level::L3].contains(&m.level) && m.size.is_some_and(|s| s >= 1.5)
     }));
     out.extend(Level::ALL.map(|l| tally(&format!("{l:?}"), marks, move |m| m.level == l)));
-    for (low, high) in [(0.0, 0.75), (0.75, 1.5), (1.5, 3.0), (3.0, 6.0), (6.0, 12.0), (12.0, f64::INFINITY)] {
+    for (low, high) in SIZES {
         let label = if high.is_finite() { format!("size {low} to {high}") } else { format!("size {low} and more") };
         out.push(tally(&label, marks, move |m| m.level <= Level::L4 && m.size.is_some_and(|s| s >= low && s < high)));
+    }
+    let mut noises: Vec<f64> = marks.iter().map(|m| m.noise).collect();
+    noises.sort_by(f64::total_cmp);
+    noises.dedup();
+    for noise in noises.iter().filter(|_| noises.len() > 1) {
+        out.push(tally(&format!("noise × {noise}"), marks, |m| m.noise.total_cmp(noise).is_eq()));
+    }
+    let counts: BTreeSet<usize> = marks.iter().map(|m| m.recordings).collect();
+    for count in counts.iter().filter(|_| counts.len() > 1) {
+        out.push(tally(&format!("recordings to learn from: {count}"), marks, |m| m.recordings == *count));
     }
     let robots: BTreeSet<&str> = marks.iter().map(|m| m.robot.as_str()).collect();
     out.extend(robots.into_iter().map(|r| tally(r, marks, move |m| m.robot == r)));
@@ -72,10 +86,21 @@ pub fn markdown(marks: &[Marks]) -> String {
     ] {
         let _ = writeln!(out, "| {what} | {} |", share(count));
     }
+    // Alarms per noise: what raises them is no news of the average.
+    for t in tallies.iter().filter(|t| t.label.starts_with("noise") && t.alarms.all > 0) {
+        let _ = writeln!(out, "| false alarms, {} | {} |", t.label, share(t.alarms));
+    }
+    let _ = writeln!(out, "\n| engine | cases |\n|---|---|");
+    let engines: BTreeSet<&str> = marks.iter().map(|m| m.engine.as_str()).collect();
+    for engine in engines {
+        let name = if engine.is_empty() { "not noted" } else { engine };
+        let _ = writeln!(out, "| {name} | {} |", marks.iter().filter(|m| m.engine == engine).count());
+    }
     let _ = writeln!(out, "\n| stated confidence | mean | right |\n|---|---|---|");
     for (from, to, mean, count) in &all.calibration {
         let _ = writeln!(out, "| {from} to {to} | {mean:.2} | {} |", share(*count));
     }
+    let _ = writeln!(out, "\n{}", asked(marks).trim_end());
     let _ = writeln!(out, "\nCases that failed:\n\n| case | level | robot | concealed | size | said |\n|---|---|---|---|---|---|");
     for m in marks.iter().filter(|m| has_failed(m)) {
         let said = if !m.ran {

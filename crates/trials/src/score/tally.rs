@@ -90,7 +90,8 @@ pub struct Tally {
     pub calibration: Vec<(f64, f64, f64, Count)>,
 }
 
-fn median(mut x: Vec<f64>) -> Option<f64> {
+/// Middle of the finite numbers; none of nothing.
+pub(crate) fn median(mut x: Vec<f64>) -> Option<f64> {
     x.retain(|v| v.is_finite());
     x.sort_by(f64::total_cmp);
     let n = x.len();

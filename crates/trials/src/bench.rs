@@ -1,0 +1,182 @@
+//! The bench on which effects get their sizes: recordings A and B without anything concealed, with it, and the ruler between the two.
+
+use nalgebra::DVector;
+
+use crate::base::{Base, run};
+use crate::case::{Level, Wish};
+use crate::machine::Trace;
+use crate::menu::{Choice, INSIDE, OUTSIDE, Scene, choose};
+use crate::random::Stream;
+use crate::reference::{Reference, drive_ratio, efforts};
+use crate::residual::{BAND, Residual, basis, residual};
+use crate::robot::RobotError;
+use crate::ruler::{Healthy, Length, Rows, Ruler};
+use crate::sensing::Noise;
+
+/// An effect of size one stands out of healthy floors by this many of their spreads.
+pub const Z: f64 = 4.0;
+
+/// Below this share beside the basis, an effect is one that a refit swallows.
+pub const INSIDE_SPAN: f64 = 0.05;
+
+/// Effects that a refit swallows whole, whatever the ruler finds beside it: stick at reversals moves, and that alone can be 5 %.
+const SWALLOWED: [&str; 4] = ["friction_viscous", "friction_coulomb", "inertia_error", "payload"];
+
+/// Recordings that sizes are measured on, A and B, however many a diagnosis is given.
+pub const MEASURED: usize = 2;
+
+/// Motions of the same design besides that of the case on which the healthy robot shows its floor.
+const OTHERS: u64 = 3;
+
+/// What calibrates sizes: healthy residuals and the ruler over them.
+pub struct Bench<'a> {
+    base: &'a Base,
+    references: &'a [Reference],
+    noise: &'a Noise,
+    healthy: Vec<Residual>,
+    /// Root mean square of the healthy robot's effort per drive `[N]`.
+    effort: DVector<f64>,
+    ruler: Ruler,
+}
+
+/// A choice with the size at which it stands out as far as was asked for.
+#[derive(Debug)]
+pub struct Found {
+    /// What, and where.
+    pub choice: Choice,
+    /// Size, in the unit of the choice.
+    pub amount: f64,
+    /// Size over the smallest that can be detected.
+    pub size: f64,
+    /// Share of the effect that a refit cannot take.
+    pub share: f64,
+    /// Share of the effort that the effect makes.
+    pub effort: f64,
+}
+
+impl<'a> Bench<'a> {
+    /// From the recordings' references and what the healthy robot did along those that sizes are measured on.
+    ///
+    /// # Errors
+    /// Where the robot cannot follow another motion of the same design.
+    pub fn new(base: &'a Base, noise: &'a Noise, references: &'a [Reference], silent: &[Trace], wish: &Wish) -> Result<Self, RobotError> {
+        let mut stream = Stream::new(wish.seed, wish.number, "ruler");
+        let silent = &silent[..MEASURED];
+        let own = floor(base, noise, silent, &mut stream)?;
+        let mut others = Vec::new();
+        for _ in 0..OTHERS {
+            let traces = (0..MEASURED).map(|r| run(&base.machine, &base.reference(r, &mut stream)?)).collect::<Result<Vec<_>, _>>()?;
+            others.push(floor(base, noise, &traces, &mut stream)?);
+        }
+        let healthy = silent.iter().map(|t| residual(&base.plant, t, &noise.silent(t), BAND)).collect::<Result<Vec<_>, _>>()?;
+        let rows: Vec<&Vec<f64>> = silent.iter().flat_map(|t| &t.effort).collect();
+        let square = |k: usize| rows.iter().map(|r| r[k] * r[k]).sum::<f64>() / rows.len().max(1) as f64;
+        let effort = DVector::from_fn(base.plant.robot.drives.len(), |k, _| square(k).sqrt().max(1e-12));
+        Ok(Self { base, references, noise, healthy, effort, ruler: Ruler::new(&own, &others) })
+    }
+
+    /// Weight of a row per free coordinate.
+    #[must_use]
+    pub fn weights(&self) -> &DVector<f64> {
+        &self.ruler.noise
+    }
+
+    /// What a choice of that amount adds to the residuals: its length, and the share of the effort that it is.
+    fn length(&self, choice: &Choice, amount: f64) -> Result<(Length, f64), RobotError> {
+        let mut column: Vec<Rows> = Vec::new();
+        for (r, healthy) in self.healthy.iter().enumerate() {
+            let mut machine = self.base.machine.clone();
+            choice.put_on(&mut machine, amount, r)?;
+            let trace = run(&machine, &self.references[r])?;
+            column.push(residual(&self.base.plant, &trace, &self.noise.silent(&trace), BAND)?.minus(healthy));
+        }
+        Ok((self.ruler.length(&column), self.effort_share(&column)))
+    }
+
+    /// Per drive the root mean square over that of the effort, then the root mean square over drives.
+    fn effort_share(&self, column: &[Rows]) -> f64 {
+        let (mut squares, mut count) = (DVector::zeros(self.effort.len()), 0.0);
+        for (y, (m, _)) in column.iter().flatten().zip(self.healthy.iter().flat_map(|h| &h.motion)) {
+            if let Some(u) = efforts(&drive_ratio(&self.base.plant, m), y) {
+                squares += u.component_div(&self.effort).map(|x| x * x);
+                count += 1.0;
+            }
+        }
+        (squares.mean() / f64::max(count, 1.0)).sqrt()
+    }
+
+    /// Finds the amount at which the effect stands out by `wanted`.
+    fn calibrate(&self, choice: Choice, wanted: f64, may_be_inside: bool) -> Result<Option<Found>, RobotError> {
+        let mut amount = choice.start;
+        let mut known: Option<[f64; 2]> = None;
+        let mut outcome: Option<[f64; 4]> = None;
+        for _ in 0..6 {
+            let Ok((length, effort)) = self.length(&choice, amount) else {
+                // Too much for the robot: smaller.
+                amount *= 0.3;
+                continue;
+            };
+            let is_inside = length.share < INSIDE_SPAN;
+            if is_inside && !may_be_inside {
+                return Ok(None);
+            }
+            let size = if is_inside { length.all } else { length.beside } / Z;
+            outcome = Some([amount, size, length.share, effort]);
+            if (size / wanted - 1.0).abs() < 0.1 || size <= 0.0 {
+                break;
+            }
+            // Locally a power of the amount; between a third and three to begin with.
+            let power = known.map_or(1.0, |[a, s]| {
+                let p = crate::math::ln(size / s) / crate::math::ln(amount / a);
+                if p.is_finite() { p.clamp(0.3, 3.0) } else { 1.0 }
+            });
+            known = Some([amount, size]);
+            let next = (amount * crate::math::pow(wanted / size, 1.0 / power)).clamp(amount * 1e-3, amount * 1e3).min(choice.cap);
+            if (next / amount - 1.0).abs() < 1e-6 {
+                break;
+            }
+            amount = next;
+        }
+        // Nothing that is nowhere near what was asked for; a cap may keep it smaller.
+        let near = outcome.filter(|[_, size, ..]| *size > 0.2 * wanted && *size < 3.0 * wanted);
+        Ok(near.map(|[amount, size, share, effort]| Found { choice, amount, size, share, effort }))
+    }
+
+    /// Chooses effects and finds their amounts.
+    ///
+    /// # Errors
+    /// When nothing of the kind can be concealed in the robot.
+    pub fn conceal(&self, wish: &Wish, scene: &Scene<'_>, random: &mut Stream) -> Result<Vec<Found>, RobotError> {
+        let count = match wish.level {
+            Level::L4 => 2,
+            level if level.is_healthy() => 0,
+            _ => 1,
+        };
+        let mut out: Vec<Found> = Vec::new();
+        for _ in 0..40 {
+            if out.len() == count {
+                return Ok(out);
+            }
+            let list: &[&str] = if wish.level == Level::L5 { &OUTSIDE } else { &INSIDE };
+            let drawn = *random.choose(list).unwrap_or(&list[0]);
+            let name = wish.effect.as_deref().unwrap_or(drawn);
+            // Two effects must be two, and a base that rocks renumbers what others have been put on.
+            let is_taken = out.iter().any(|f| f.choice.effect == name) || (count > 1 && name == "structure_flexibility");
+            let is_swallowed = wish.level.is_refitted() && SWALLOWED.contains(&name);
+            let Some(choice) = (!is_taken && !is_swallowed).then(|| choose(name, scene, random)).flatten() else { continue };
+            out.extend(self.calibrate(choice, wish.size, !wish.level.is_refitted())?);
+        }
+        Err(RobotError::Unknown(format!("case {}: nothing could be concealed in {}", wish.number, wish.robot)))
+    }
+}
+
+/// What the nominal robot leaves of recordings of the healthy one, and what a refit can use.
+fn floor(base: &Base, noise: &Noise, traces: &[Trace], stream: &mut Stream) -> Result<Healthy, RobotError> {
+    let mut out = Healthy { left: Vec::new(), basis: Vec::new() };
+    for trace in traces {
+        let recording = noise.record(trace, stream);
+        out.left.push(residual(&base.plant, trace, &recording, BAND)?.rows);
+        out.basis.push(basis(&base.plant, trace, &recording, BAND)?);
+    }
+    Ok(out)
+}
