@@ -74,7 +74,7 @@ pub(crate) fn assemble(
         f.depends_on_prior = Some(gains);
     }
     experiments::propose(work, &mut findings[first..], band);
-    let mut refined = refine(work, bare, &fin.readings);
+    let mut refined = refine(work, bare, &fin.readings, &|id| fin.fit.coefficient(id));
     commands::refine(&mut refined, work, mismatches);
     let heldout = heldout(work, &nominal, &fin.left, band);
     let moving = work.residual(&fin.fit.ids, &fin.fit.theta, work.softness, View::Fit);
@@ -343,6 +343,12 @@ fn notes(work: &Work, motions: usize) -> Vec<String> {
         if gone > 0 {
             out.push(format!("{}: {gone} of {} samples lie in gaps and are left out", s.name, s.valid.len()));
         }
+    }
+    if work.is_refitted {
+        out.push(
+            "inertias, frictions and offsets were fitted along with the findings: as the robot's files have them, they hide a part of it"
+                .to_string(),
+        );
     }
     if work.motions.len() < 2 {
         out.push("one recording only: confidence stays below 0.8; give a second one, or --holdout with another motion".to_string());

@@ -22,7 +22,7 @@ pub(crate) struct Chain {
 }
 
 /// Filtered series on the fine grid; [segment].
-type Fine = Vec<Vec<f64>>;
+pub(crate) type Fine = Vec<Vec<f64>>;
 
 /// A filtered series twice: as it is, and with standstill set to zero before the filter.
 #[derive(Debug, Clone, Default)]
@@ -63,6 +63,9 @@ pub(crate) struct Design {
     pub(crate) nominal: Vec<Vec<Pair>>,
     pub(crate) chain: Vec<Chain>,
     pub(crate) given_chain: Vec<Chain>,
+    /// Rate of the effort before the chain, standstill cut out of it as of everything: what a chain takes per second where the rows are not
+    /// clean, [softness][joint].
+    pub(crate) late: Vec<Vec<Fine>>,
     /// Weight of each joint's rows: one over what a plain refit leaves.
     pub(crate) weight: Vec<f64>,
     /// Raw samples at which each joint stands still: [segment][joint].
@@ -107,6 +110,7 @@ impl Design {
             })
             .collect();
         given_chain.resize(n_joints, Chain::default());
+        let late = vec![vec![Fine::new(); n_joints]; SOFTNESS.len()];
         Self {
             n_joints,
             n_drives,
@@ -118,6 +122,7 @@ impl Design {
             nominal,
             chain: given_chain.clone(),
             given_chain,
+            late,
             weight: vec![1.0; n_joints],
             still,
         }
@@ -151,10 +156,14 @@ impl Design {
         (first..self.columns.len()).collect()
     }
 
-    /// Adds a column that is already filtered and on the fine grid, or replaces one; fits see it on clean rows only.
-    pub(crate) fn put_fine(&mut self, at: Option<ColumnId>, joint: usize, plain: Fine) -> ColumnId {
-        let cut = plain.iter().map(|x| vec![0.0; x.len()]).collect();
-        let column = Column { joints: vec![(joint, Pair { plain, cut })] };
+    /// A raw series of a joint, filtered with its standstill cut out, on the fine grid.
+    pub(crate) fn without_standstill(&self, segment: usize, joint: usize, raw: &[f64]) -> Vec<f64> {
+        self.fine[segment].fine_cut(raw, &self.still[segment][joint])
+    }
+
+    /// Adds a column that is already filtered and on the fine grid, or replaces one.
+    pub(crate) fn put_fine(&mut self, at: Option<ColumnId>, joint: usize, pair: Pair) -> ColumnId {
+        let column = Column { joints: vec![(joint, pair)] };
         match at {
             Some(id) => {
                 self.columns[id] = column;
@@ -206,7 +215,16 @@ impl Design {
 
     /// The model as given at the rows of one joint and segment, with the chain found so far.
     pub(crate) fn nominal_rows(&self, softness: usize, joint: usize, segment: usize, view: View) -> Vec<f64> {
-        self.view(&self.nominal[softness][joint], self.chain[joint], (joint, segment), view)
+        let chain = self.chain[joint];
+        let mut out = self.view(&self.nominal[softness][joint], chain, (joint, segment), view);
+        // Where rows are not clean the chain cannot be run, for it would drag the cut along; a lag and a delay are the same to first order.
+        if let Some(rate) = self.late[softness][joint].get(segment).filter(|_| view == View::Fit) {
+            let clean = &self.rows[segment].clean[joint];
+            let rate = self.thin(segment, rate);
+            let behind = out.iter_mut().zip(rate).zip(clean).filter(|(_, clean)| !**clean);
+            behind.for_each(|((x, rate), _)| *x += (chain.lag + chain.delay) * rate);
+        }
+        out
     }
 
     /// The model as given, chain as given: what nothing has been added to. Directions are smoothed as in the model it is compared with.

@@ -40,9 +40,11 @@ pub(crate) fn detectable(work: &Work, power: &[Power], settings: &Settings) -> (
     for at in 0..work.candidates.len() {
         let c = &work.candidates[at];
         let mut sizes: Vec<(&'static str, f64)> = Vec::new();
+        let mut is_asked = false;
         let least = |strength: Strength| size(work, c, strength, power, settings);
         for v in c.variants.iter().filter(|v| v.softness.is_none_or(|w| w == work.softness)) {
             for (parameter, strength) in strengths(work, at, v) {
+                is_asked = true;
                 let size = least(strength);
                 match sizes.iter_mut().find(|(p, _)| *p == parameter) {
                     Some((_, best)) => *best = best.min(size),
@@ -51,7 +53,7 @@ pub(crate) fn detectable(work: &Work, power: &[Power], settings: &Settings) -> (
             }
         }
         sizes.retain(|(_, size)| size.is_finite());
-        if sizes.is_empty() {
+        if sizes.is_empty() && is_asked {
             let why = "its columns are zero along these motions, or friction, offsets and inertias of the model imitate them wholly";
             unseen.push(Invisible { effect: c.effect_name().to_string(), place: vec![c.name.clone()], why: why.to_string() });
         }
@@ -173,6 +175,16 @@ fn probes(work: &Work, c: &Candidate, v: &Variant) -> Vec<Probe> {
             ["roll", "pitch"].into_iter().enumerate().map(|(i, parameter)| Probe { parameter, direction: unit(i) }).collect()
         }
         ("friction_stribeck", _) => one("stiction"),
+        // Of another power the drag has another unit.
+        ("friction_quadratic", [exponent, ..]) if (*exponent - 2.0).abs() > 1e-9 => Vec::new(),
+        // A joint that gives very little before it slides looks like plain dry friction: no smallest stiffness can be told.
+        ("friction_presliding", _) => Vec::new(),
+        // The parabola: c2·q² in Chebyshev polynomials of (q − middle)/half, its constant and line being anyone's.
+        ("cable_force", [middle, half]) if v.n_own == 3 => {
+            let direction = vec![middle * middle + 0.5 * half * half, 2.0 * middle * half, 0.5 * half * half];
+            vec![Probe { parameter: "c2", direction }]
+        }
+        ("cable_force", _) => Vec::new(),
         ("friction_asymmetric", [kind, ..]) => one(if *kind > 0.5 { "coulomb_pos" } else { "viscous_pos" }),
         ("friction_passive", [kind, ..]) => one(if *kind < 0.5 { "coulomb" } else { "viscous" }),
         (other, _) => find(other).and_then(|e| e.parameters.first()).map_or_else(Vec::new, |p| one(p.name)),

@@ -2,8 +2,9 @@
 
 use pkm_dyn::Model;
 use pkm_dyn::effects::{Applied, JointState, Law, Robot, Site};
-use pkm_dyn::parameters::{InertialParameters, NAMES};
+use pkm_dyn::parameters::{InertialParameters, N_INERTIAL, NAMES};
 
+use crate::design::ColumnId;
 use crate::evidence::Refined;
 use crate::work::{Candidate, Work};
 
@@ -27,8 +28,9 @@ pub(crate) fn baseline(robot: &Robot) -> Model {
 /// A finding's parameters by name.
 pub(crate) type Parameters = Vec<(&'static str, f64)>;
 
-/// Puts every pick, read as `readings`, into the robot that was diagnosed; `bare` is its model before any effect of its file.
-pub(crate) fn refine(work: &Work, bare: &Model, readings: &[Parameters]) -> Refined {
+/// Puts every pick, read as `readings`, into the robot that was diagnosed, and what was fitted along by `coefficient`; `bare` is its model
+/// before any effect of its file.
+pub(crate) fn refine(work: &Work, bare: &Model, readings: &[Parameters], coefficient: &dyn Fn(ColumnId) -> f64) -> Refined {
     let mut out = Refined { model: bare.clone(), effects: work.robot.effects.clone() };
     out.model.gravity = work.robot.model.gravity;
     out.effects.retain(|e| !matches!(e.entry.law, Law::Gravity(_)) && e.entry.name != "inertia_error");
@@ -37,6 +39,9 @@ pub(crate) fn refine(work: &Work, bare: &Model, readings: &[Parameters]) -> Refi
         if let (Law::Inertia(apply), "inertia_error") = (e.entry.law, e.entry.name) {
             apply(&mut out.model, e.place, &e.values);
         }
+    }
+    if work.is_refitted {
+        fit_along(work, &mut out, coefficient);
     }
     // Laws that contain others come last, so that they replace them.
     let mut order: Vec<usize> = (0..readings.len()).collect();
@@ -50,6 +55,34 @@ pub(crate) fn refine(work: &Work, bare: &Model, readings: &[Parameters]) -> Refi
     }
     keep_damping_nominal(work, &mut out);
     out
+}
+
+/// Inertias, frictions and offsets that were fitted beside the picks. A link that would be no body comes as near to its fit as a body can.
+fn fit_along(work: &Work, out: &mut Refined, coefficient: &dyn Fn(ColumnId) -> f64) {
+    let standard = &work.standard;
+    for (k, &j) in work.robot.model.actuators.iter().enumerate() {
+        let joint = &mut out.model.joints[j];
+        joint.coulomb = (joint.coulomb + coefficient(standard.coulomb[work.softness][k])).max(0.0);
+        joint.viscous = (joint.viscous + coefficient(standard.viscous[k])).max(0.0);
+        if let Some(entry) = pkm_dyn::effects::find("torque_offset") {
+            let values = vec![coefficient(standard.offset[k])];
+            let mut offset = Applied { entry, place: j, site: Site::Joint, other: None, values };
+            combine(out, &mut offset);
+            out.effects.push(offset);
+        }
+    }
+    for (l, ids) in work.robot.model.massive_links().into_iter().zip(standard.rigid.chunks_exact(N_INERTIAL)) {
+        let old = out.model.links[l].parameters.to_vector();
+        let moved = |share: f64| {
+            let mut theta = old;
+            theta.iter_mut().zip(ids).for_each(|(t, &id)| *t += share * coefficient(id));
+            InertialParameters::from_vector(&theta)
+        };
+        let shares = (0..=16).map(|i| 1.0 - f64::from(i) / 16.0);
+        if let Some(body) = shares.map(moved).find(|b| b.mass > 0.0 && b.is_feasible(0.0)) {
+            out.model.set_link_parameters(l, body);
+        }
+    }
 }
 
 fn contains_friction(effect: &str) -> u8 {

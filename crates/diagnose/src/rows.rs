@@ -3,7 +3,7 @@
 //! While a joint stands its friction may be anything between its limits, so the equation of that joint does not hold there. Effort
 //! and columns of a joint are set to zero at such raw samples alike, before the filter: nothing of a stick then leaks into its
 //! neighbours. Rows whose whole filter window is free of standstill ("clean") need no such care, and only there is a lag or delay of
-//! the drive looked for, which would not survive the cut.
+//! the drive run as it is; elsewhere it is taken to first order, for the cut must come after it.
 
 use pkm_ident::filter::LowPass;
 
@@ -56,6 +56,13 @@ impl FineGrid {
     /// A raw series, filtered, on the fine grid.
     pub(crate) fn fine(&self, raw: &[f64]) -> Vec<f64> {
         self.filter.apply(raw).into_iter().step_by(self.step).collect()
+    }
+
+    /// A series on the fine grid at a raw sample, on a straight line between its neighbours.
+    pub(crate) fn between(&self, fine: &[f64], raw: usize) -> f64 {
+        let (i, share) = (raw / self.step, (raw % self.step) as f64 / self.step as f64);
+        let at = |i: usize| fine.get(i).or(fine.last()).copied().unwrap_or(0.0);
+        at(i) + share * (at(i + 1) - at(i))
     }
 
     /// The same with standstill set to zero before the filter.

@@ -26,7 +26,7 @@ pub(crate) fn search(work: &mut Work, band: f64, settings: &Settings, progress: 
     shifts(work, settings);
     progress(0.4);
     let structure = structure(work, band, settings, progress);
-    prune(work, band, settings);
+    prune_or_refit(work, band, settings);
     settle_softness(work, band);
     progress(0.85);
     let ordinary = shifts(work, settings);
@@ -53,6 +53,31 @@ pub(crate) fn prune(work: &mut Work, band: f64, settings: &Settings) {
         let Some(worst) = superfluous(work, settings) else { return };
         drop_pick(work, worst, band);
     }
+}
+
+/// Takes out what is superfluous on top of the robot as given, unless the robot as given is what hides it: parameters that were refitted on
+/// recordings with an effect in them have taken up most of it, and beside them as they are it explains nothing. What was found with them free
+/// and is lost without is kept with them fitted along.
+fn prune_or_refit(work: &mut Work, band: f64, settings: &Settings) {
+    let (found, chain) = (work.picks.clone(), work.design.chain.clone());
+    prune(work, band, settings);
+    let is_structure = |work: &Work, p: &Pick| work.candidates[p.candidate].effect.family() != Family::Standard;
+    let lost: Vec<usize> = found.iter().filter(|p| is_structure(work, p) && !is_picked(work, p.candidate)).map(|p| p.candidate).collect();
+    if lost.is_empty() {
+        return;
+    }
+    let plain = (work.picks.clone(), work.design.chain.clone());
+    work.picks = found.into_iter().filter(|p| is_structure(work, p)).collect();
+    work.design.chain = chain;
+    work.is_refitted = true;
+    refresh_chain(work, band);
+    prune(work, band, settings);
+    if !lost.iter().any(|&c| is_picked(work, c)) {
+        (work.picks, work.design.chain) = plain;
+        work.is_refitted = false;
+        refresh_chain(work, band);
+    }
+    tracing::debug!(is_refitted = work.is_refitted, "what was lost on top of the robot as given");
 }
 
 /// Takes a pick out, its chain included.

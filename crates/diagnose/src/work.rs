@@ -7,7 +7,7 @@ use pkm_dyn::parameters::N_INERTIAL;
 use pkm_ident::filter::{advanced, derivative};
 
 use crate::columns::{self, Columns, Context, Family, Proposal, Shape, Source, StandardIds};
-use crate::design::{ColumnId, Design, Make, View};
+use crate::design::{ColumnId, Design, Fine, Make, Pair, View};
 use crate::extents::{extents, largest_widths, ranges};
 use crate::gram::{Gram, Targets};
 use crate::motion::Motion;
@@ -95,8 +95,12 @@ pub(crate) struct Work<'w> {
     pub(crate) kappa: f64,
     /// Share of the controller's command that each drive's recorded effort lacked before it was made good.
     pub(crate) missing: Vec<f64>,
+    /// Whether inertias, frictions and offsets are fitted along with the picks, unnamed: a refit of them had taken up what the picks explain.
+    pub(crate) is_refitted: bool,
     /// Weighted squared measured effort of each joint over the rows that are fitted.
     effort: Vec<f64>,
+    /// Widths over which directions of motion are smoothed: [softness][tree joint].
+    widths: Vec<Vec<f64>>,
 }
 
 impl<'w> Work<'w> {
@@ -146,7 +150,9 @@ impl<'w> Work<'w> {
             softness: 0,
             kappa: 0.0,
             missing: vec![0.0; model.n_act()],
+            is_refitted: false,
             effort: Vec::new(),
+            widths: widths.clone(),
         }
     }
 
@@ -239,10 +245,10 @@ impl<'w> Work<'w> {
         }
     }
 
-    /// Columns of everything picked, each once, with inverse prior variances.
+    /// Columns of everything picked, and of what is fitted along, each once, with inverse prior variances.
     pub(crate) fn picked(&self, without: Option<usize>) -> (Vec<ColumnId>, Vec<f64>) {
-        let mut ids = Vec::new();
-        let mut prior = Vec::new();
+        let along = if self.is_refitted { self.every_model_has(self.softness) } else { Vec::new() };
+        let (mut ids, mut prior) = self.with_rigid(along, if self.is_refitted { self.kappa } else { 0.0 });
         for (_, p) in self.picks.iter().enumerate().filter(|(i, _)| Some(*i) != without) {
             for (&id, &sd) in p.variant.columns.iter().zip(&p.variant.prior) {
                 if !ids.contains(&id) {
@@ -297,6 +303,11 @@ impl<'w> Work<'w> {
     /// Makes the chain candidates' columns from the fitted models, one model per softness: (columns, coefficients, softness).
     pub(crate) fn refresh_chain(&mut self, models: &[(Vec<ColumnId>, Mat<f64>, usize)], band: f64) {
         let chain: Vec<usize> = (0..self.candidates.len()).filter(|&c| self.candidates[c].effect.family() == Family::Chain).collect();
+        for (ids, theta, softness) in models {
+            for j in chain.iter().map(|&c| self.candidates[c].scope[0]) {
+                self.design.late[*softness][j] = self.late(j, ids, theta, *softness);
+            }
+        }
         for c in chain {
             let drive = self.candidates[c].scope[0];
             let mut old: Vec<ColumnId> = self.candidates[c].variants.iter().flat_map(|v| v.columns.clone()).collect();
@@ -305,14 +316,35 @@ impl<'w> Work<'w> {
             let mut variants = Vec::new();
             for (ids, theta, softness) in models {
                 let acting = self.acting(drive, ids, theta, *softness);
-                for (series, values) in self.chain_shapes(c, &acting, band) {
-                    let id = self.design.put_fine(old.pop(), drive, series);
+                for (plain, values) in self.chain_shapes(c, &acting, band) {
+                    let pair = Pair { plain, cut: self.design.late[*softness][drive].clone() };
+                    let id = self.design.put_fine(old.pop(), drive, pair);
                     variants.push(Variant { values, softness: Some(*softness), columns: vec![id], prior: vec![f64::INFINITY], n_own: 1 });
                 }
             }
             self.candidates[c].variants = variants;
         }
         self.rebuild();
+    }
+
+    /// Rate of the fitted model upstream of the chain, with standstill cut out after the derivative and before the filter: [segment]. Dry
+    /// friction and the model as given come from raw samples; of what else is fitted the filtered series will do.
+    fn late(&self, joint: usize, ids: &[ColumnId], theta: &Mat<f64>, softness: usize) -> Fine {
+        let acting = self.acting(joint, ids, theta, softness);
+        let direction = self.standard.coulomb[softness][joint];
+        let coulomb = ids.iter().position(|&id| id == direction).map_or(0.0, |i| theta[(i, 0)]);
+        let dry = self.design.columns[direction].joints.iter().find(|(j, _)| *j == joint).map(|(_, pair)| &pair.plain);
+        let nominal = &self.design.nominal[softness][joint].plain;
+        let of_segment = |(s, m): (usize, &Motion)| {
+            let grid = &self.design.fine[s];
+            let smooth = |i: usize| acting[s][i] - nominal[s][i] - dry.map_or(0.0, |d| coulomb * d[s][i]);
+            let rest: Vec<f64> = (0..acting[s].len()).map(smooth).collect();
+            let sign = Motion::direction(&m.segment.v[joint], self.widths[softness][self.robot.model.actuators[joint]]);
+            let raw: Vec<f64> =
+                (0..sign.len()).map(|i| m.nominal[softness][joint][i] + coulomb * sign[i] + grid.between(&rest, i)).collect();
+            self.design.without_standstill(s, joint, &derivative(&raw, m.segment.dt))
+        };
+        self.motions.iter().enumerate().map(of_segment).collect()
     }
 
     fn chain_shapes(&self, candidate: usize, acting: &[Vec<f64>], band: f64) -> Vec<(Vec<Vec<f64>>, Vec<f64>)> {

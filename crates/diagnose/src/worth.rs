@@ -21,22 +21,26 @@ pub(crate) fn size(work: &Work, candidate: usize, variant: &Variant, coefficient
     of_columns(work, c, variant, &|id| coefficient(id) + already)
 }
 
-/// The same of the columns as they are. A constant belongs to the offset, which no effect but the offset itself is measured by.
+/// The same of the columns as they are. Where the shape has an offset of its own, as a spring's rest position, any constant in the others is
+/// a matter of where it is taken from, and does not count.
 pub(crate) fn of_columns(work: &Work, c: &Candidate, variant: &Variant, coefficient: &dyn Fn(ColumnId) -> f64) -> f64 {
     let is_offset = |id: &ColumnId| c.effect.family() != Family::Standard && work.standard.offset.contains(id);
     let own: Vec<(ColumnId, f64)> =
         variant.columns[..variant.n_own].iter().filter(|id| !is_offset(id)).map(|&id| (id, coefficient(id))).collect();
-    let squared = |j: usize| squared_at(work, j, &own);
+    let squared = |j: usize| {
+        let offset = work.standard.offset.get(j).copied().filter(|id| is_offset(id) && variant.columns.contains(id));
+        squared_at(work, j, &own, offset)
+    };
     let parts = work.kinds_of_rows(&c.scope);
     parts.iter().map(|part| work.of_effort(part.iter().map(|&j| squared(j)).sum(), part)).fold(0.0, f64::max)
 }
 
-/// Weighted squared length at one joint of a sum of columns, less what a constant would do as well.
-fn squared_at(work: &Work, joint: usize, own: &[(ColumnId, f64)]) -> f64 {
+/// Weighted squared length at one joint of a sum of columns, less what the constant `offset` would do as well.
+fn squared_at(work: &Work, joint: usize, own: &[(ColumnId, f64)], offset: Option<ColumnId>) -> f64 {
     let (xx, local) = (&work.gram.xx_all[joint], &work.gram.local[joint]);
     let there: Vec<(usize, f64)> = own.iter().filter_map(|(id, c)| local[*id].map(|l| (l, *c))).collect();
     let whole: f64 = there.iter().flat_map(|a| there.iter().map(move |b| (a, b))).map(|((a, x), (b, y))| x * y * xx[(*a, *b)]).sum();
-    let offset = work.standard.offset.get(joint).filter(|&id| !own.iter().any(|(o, _)| o == id)).and_then(|&id| local[id]);
+    let offset = offset.and_then(|id| local[id]);
     let constant = offset.map_or(0.0, |o| {
         let mean: f64 = there.iter().map(|(l, c)| c * xx[(*l, o)]).sum();
         if xx[(o, o)] > 0.0 { mean * mean / xx[(o, o)] } else { 0.0 }

@@ -28,7 +28,9 @@ impl Columns for Effect {
 
     fn propose(&self, ctx: &Context) -> Vec<Proposal> {
         let at = |(p, (site, place, name)): (usize, crate::sensitivity::Length)| {
-            let shape = Shape::free((0..3).map(|axis| global(move |m| shift::of_length(m, 3 * p + axis))).collect());
+            // Directions that hardly show come out at any length: what is believed of all of them keeps those where they are.
+            let sources = (0..3).map(|axis| global(move |m| shift::of_length(m, 3 * p + axis))).collect();
+            let shape = Shape { prior: vec![0.5 * MOST; 3], ..Shape::free(sources) };
             Proposal { place, site, other: None, name, scope: ctx.everywhere(), shapes: vec![shape] }
         };
         lengths(ctx.model).into_iter().enumerate().map(at).collect()

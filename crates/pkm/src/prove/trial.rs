@@ -41,12 +41,7 @@ impl Engine {
 ///
 /// # Errors
 /// When files are missing or a process cannot be started; a diagnosis that fails is no error but a result.
-pub(super) fn diagnose(
-    folder: &Folder,
-    name: &str,
-    engine: &Engine,
-    (timeout, stop): (f64, &AtomicBool),
-) -> anyhow::Result<Option<Ran>> {
+pub(super) fn diagnose(folder: &Folder, name: &str, engine: &Engine, (timeout, stop): (f64, &AtomicBool)) -> anyhow::Result<Option<Ran>> {
     let manifest = folder.manifest(name)?;
     // Elsewhere, under a name that says nothing: neither answers nor other cases lie beside it.
     let room = tempfile::tempdir()?;
