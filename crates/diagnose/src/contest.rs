@@ -9,7 +9,8 @@ use crate::design::{ColumnId, View};
 use crate::gram::{Cross, Targets};
 use crate::screen::{self, Base};
 use crate::settings::Settings;
-use crate::solve::Over;
+use crate::isolability::projected;
+use crate::solve::{Over, products};
 use crate::work::{Candidate, Pick, Variant, Work};
 use crate::worth::size;
 
@@ -343,17 +344,37 @@ fn read(work: &Work, s: &Score, grounds: &[Ground], settings: &Settings) -> Resu
     let mut ids = ground.columns.clone();
     let mut prior = ground.prior.clone();
     ids.extend(&own);
-    prior.extend(own_prior);
+    prior.extend(&own_prior);
     let cross = work.gram.cross(&work.design, &vec![work.measured_minus_nominal(ground.softness, View::Fit)]);
     let theta = screen::fit(&work.gram, &cross, &ids, &prior, Over::All);
     let coefficient = |id| ids.iter().position(|&i| i == id).map_or(0.0, |i| theta[(i, 0)]);
     reading(work, s.candidate, &s.variant, &coefficient).map_err(|why| Refusal { why, is_small: false })?;
+    let shown = shown_share(work, ground, &own, &coefficient);
+    if shown < SHOWN {
+        let why = format!("only {:.3} % of it shows beside what the model can do anyway", 100.0 * shown);
+        return Err(Refusal { why, is_small: false });
+    }
     let (size, tolerance) = (size(work, s.candidate, &s.variant, &coefficient), settings.tolerance_of(s.variant.n_own));
     if size > tolerance {
         return Ok(());
     }
     let why = format!("its size is {:.2} % of the effort, less than the {:.1} % worth naming", 100.0 * size, 100.0 * tolerance);
     Err(Refusal { why, is_small: true })
+}
+
+/// Share of an effect's power below which what shows of it is the error of its own column: filters and derivatives are right to some percent of
+/// amplitude.
+const SHOWN: f64 = 1e-3;
+
+/// Share of the squared length of the candidate's own part that the ground cannot imitate.
+fn shown_share(work: &Work, ground: &Ground, own: &[ColumnId], coefficient: &dyn Fn(ColumnId) -> f64) -> f64 {
+    let left = projected(&work.gram, &ground.columns, &ground.prior, own);
+    let whole = products(&work.gram, own, own, Over::All);
+    let scaled: Vec<f64> = own.iter().map(|&id| coefficient(id) / work.gram.scale[id].max(f64::MIN_POSITIVE)).collect();
+    let squared = |m: &faer::Mat<f64>| -> f64 {
+        (0..own.len()).flat_map(|i| (0..own.len()).map(move |j| (i, j))).map(|(i, j)| scaled[i] * m[(i, j)] * scaled[j]).sum()
+    };
+    squared(&left) / squared(&whole).max(f64::MIN_POSITIVE)
 }
 
 /// A candidate's parameters from coefficients by column.
