@@ -25,7 +25,7 @@ use crate::settings::{PRIORS, Settings};
 use crate::variety::different_motions;
 use crate::verdict::{EffectAt, Estimate, Finding, Heldout, HeldoutJoint, SCHEMA, Status, Verdict};
 use crate::work::Work;
-use crate::{experiments, gate, picture, priors};
+use crate::{experiments, gate, picture, priors, sharing};
 
 type Left = Vec<Vec<Vec<f64>>>;
 
@@ -95,6 +95,7 @@ pub(crate) fn assemble(
         minimum_detectable,
         invisible,
         isolability: isolability(work),
+        internal_effort: sharing::evidence(work),
         replay: Vec::new(),
         refined_model: String::new(),
         notes: notes(work, fin.motions),
@@ -332,7 +333,7 @@ fn summary(findings: &[Finding], left: &str, h: &Heldout) -> String {
 }
 
 fn notes(work: &Work, motions: usize) -> Vec<String> {
-    let mut out = Vec::new();
+    let mut out: Vec<String> = sharing::evidence(work).map(|e| e.says).into_iter().collect();
     for m in work.motions {
         let s = &m.segment;
         let gone = s.valid.iter().filter(|v| !**v).count();

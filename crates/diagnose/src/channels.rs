@@ -87,12 +87,12 @@ pub(crate) fn value(model: &Model, data: &Data, kind: Kind, q: &[f64]) -> f64 {
 pub(crate) fn by_drive(model: &Model, data: &mut Data, kind: Kind) -> Vec<f64> {
     let n = model.n_act();
     match kind {
-        Kind::Passive(j) => (0..n).map(|k| data.reduction[(j, k)]).collect(),
+        Kind::Passive(j) => (0..n).map(|k| data.drive_reduction[(j, k)]).collect(),
         Kind::Link(own) => (0..n).map(|k| f64::from(u8::from(k == own))).collect(),
         Kind::Pose(s, axis) => {
             let frame = frame(model, s);
             let jacobian = frame_jacobian(model, data, &frame, Reference::LocalWorldAligned).clone();
-            (0..n).map(|k| (0..model.nv()).map(|j| jacobian[(axis, j)] * data.reduction[(j, k)]).sum()).collect()
+            (0..n).map(|k| (0..model.nv()).map(|j| jacobian[(axis, j)] * data.drive_reduction[(j, k)]).sum()).collect()
         }
     }
 }

@@ -48,6 +48,7 @@ mod search;
 mod segment;
 mod sensitivity;
 mod settings;
+mod sharing;
 mod shift;
 mod simplify;
 mod solve;

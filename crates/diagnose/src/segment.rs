@@ -6,9 +6,9 @@
 use alloc::collections::BTreeMap;
 
 use pkm_dyn::effects::{Applied, Law, Robot};
-use pkm_dyn::math;
+use pkm_dyn::{Data, math};
 use pkm_dyn::model::{Model, SensorKind};
-use pkm_ident::filter::{LowPass, derivative};
+use pkm_ident::filter::{LowPass, advanced, derivative};
 use pkm_ident::grid::Grid;
 use pkm_ident::{Recording, spectrum};
 
@@ -147,6 +147,7 @@ fn raw(robot: &Robot, r: &Recording, kinds: &[Kind]) -> Result<Raw, InputError> 
         wrenches: Vec::new(),
         channels: Vec::new(),
     };
+    let is_shared = model.n_act() > Data::new(model).n_ind();
     for &j in &model.actuators {
         let name = &model.joints[j].name;
         let sensor = PositionSensor::of(robot, j);
@@ -167,6 +168,9 @@ fn raw(robot: &Robot, r: &Recording, kinds: &[Kind]) -> Result<Raw, InputError> 
         if let Some(tau) = out.tau.last_mut() {
             let most = largest_effort(robot, j);
             tau.iter_mut().for_each(|t| *t = t.clamp(-most, most));
+            if is_shared {
+                *tau = acting(robot, j, tau, out.grid.dt);
+            }
         }
     }
     wrenches(model, r, &mut out);
@@ -239,6 +243,29 @@ fn largest_effort(robot: &Robot, j: usize) -> f64 {
     let zone: f64 = robot.chain(j, |law| matches!(law, Law::EffortDeadZone)).map(|w| 0.5 * w).sum();
     let recorded: f64 = robot.chain(j, |law| matches!(law, Law::CommandShare)).map(|share| 1.0 - share).product();
     recorded * (limit / scale + zone)
+}
+
+/// What acts at a drive while its recorded effort is `tau`, as far as the robot's files say what lies between. Surplus drives move the robot
+/// by what acts at all of them: their chains cannot be put on the model drive by drive.
+fn acting(robot: &Robot, j: usize, tau: &[f64], dt: f64) -> Vec<f64> {
+    let sum = |is: fn(&Law) -> bool| -> f64 { robot.chain(j, is).sum() };
+    let scale: f64 = robot.chain(j, |law| matches!(law, Law::EffortScale)).product();
+    let recorded: f64 = robot.chain(j, |law| matches!(law, Law::CommandShare)).map(|share| 1.0 - share).product();
+    let zone = 0.5 * sum(|law| matches!(law, Law::EffortDeadZone));
+    let (lag, delay) = (sum(|law| matches!(law, Law::EffortLag)), sum(|law| matches!(law, Law::EffortDelay)));
+    let mut out = if delay.abs() > 0.0 { advanced(tau, -delay, dt) } else { tau.to_vec() };
+    if lag > 0.0 {
+        let (stay, go) = ((2.0 * lag - dt) / (2.0 * lag + dt), dt / (2.0 * lag + dt));
+        let (mut last, mut state) = (out[0], out[0]);
+        for x in &mut out {
+            state = stay * state + go * (*x + last);
+            last = *x;
+            *x = state;
+        }
+    }
+    let passes = |x: f64| math::sign(x) * (x.abs() - zone).max(0.0);
+    out.iter_mut().for_each(|x| *x = scale * passes(*x / recorded));
+    out
 }
 
 fn segment(raw: Raw, r: &Recording, used: Use, band: f64) -> Segment {

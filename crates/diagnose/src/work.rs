@@ -408,7 +408,12 @@ fn register(ctx: &Context, design: &mut Design, motions: &[Motion], standard: &S
             }
             variants.retain(|v| v.columns.iter().any(|&c| design.joints_of(c).next().is_some()));
             if !variants.is_empty() || effect.family() == Family::Chain {
-                let Proposal { place, site, other, name, scope, .. } = proposal;
+                let Proposal { place, site, other, name, mut scope, .. } = proposal;
+                if design.is_shared() && scope.iter().any(|&j| j < design.n_drives) {
+                    // The drive itself stays first.
+                    let rest: Vec<usize> = (0..design.n_drives).filter(|j| !scope.contains(j)).collect();
+                    scope.extend(rest);
+                }
                 out.push(Candidate { effect, place, site, other, name, scope, variants });
             }
         }
