@@ -143,7 +143,7 @@ fn finish(work: &Work) -> Final {
 }
 
 /// Parameters that are chosen from a list of shapes.
-const TRIED: [&str; 5] = ["stribeck_velocity", "order", "exponent", "position", "limit"];
+const TRIED: [&str; 7] = ["stribeck_velocity", "order", "exponent", "position", "limit", "start", "end"];
 
 /// Interval of a value that was chosen from a list and not fitted: halfway to the neighbours that were tried and did worse.
 fn tried_interval(work: &Work, pick: usize, value: f64) -> Option<[f64; 2]> {

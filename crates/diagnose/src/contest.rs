@@ -10,6 +10,7 @@ use crate::gram::{Cross, Targets};
 use crate::screen::{self, Base};
 use crate::settings::Settings;
 use crate::solve::Over;
+use crate::wins::wins;
 use crate::work::{Candidate, Pick, Variant, Work};
 
 /// A set of columns candidates are added to, at one softness.
@@ -190,7 +191,8 @@ impl Arena<'_> {
         let nulls = (0..self.null_best.len()).map(|b| share(&self.bases[self.null_best[b]], [n_real + b; 2])).collect();
         let g = &parts.first()?.1;
         let taken = best_base.total(self.best_ground) - base.total(i) + sum(&g.all, i);
-        let wins = (0..g.all.len()).filter(|&f| fold_taken(self.bases, self.best_ground, i, f) + g.all[f][i] > 0.0).count();
+        let won = |f: usize| fold_taken(self.bases, self.best_ground, i, f) + g.all[f][i] > 0.0;
+        let wins = wins(&self.work.gram, &own, &won);
         let real = [self.best_ground, i];
         let gain = share(best_base, real);
         let size = parts.iter().map(|p| self.work.of_effort(taken_from(p, best_base, real), &p.0)).fold(f64::NEG_INFINITY, f64::max);

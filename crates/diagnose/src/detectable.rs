@@ -163,6 +163,10 @@ fn probes(work: &Work, c: &Candidate, v: &Variant) -> Vec<Probe> {
             ["roll", "pitch"].into_iter().enumerate().map(|(i, parameter)| Probe { parameter, direction: unit(i) }).collect()
         }
         ("friction_stribeck", _) => one("stiction"),
+        ("external_force", _) => {
+            let components = ["fx", "fy", "fz", "mx", "my", "mz"].into_iter().take(v.n_own).enumerate();
+            components.map(|(i, parameter)| Probe { parameter, direction: unit(i) }).collect()
+        }
         ("friction_asymmetric", [kind, ..]) => one(if *kind > 0.5 { "coulomb_pos" } else { "viscous_pos" }),
         ("friction_passive", [kind, ..]) => one(if *kind < 0.5 { "coulomb" } else { "viscous" }),
         (other, _) => find(other).and_then(|e| e.parameters.first()).map_or_else(Vec::new, |p| one(p.name)),

@@ -37,6 +37,7 @@ mod picture;
 mod plan;
 mod predict;
 mod priors;
+mod pushed;
 mod rank;
 mod refine;
 mod regimes;
@@ -56,6 +57,8 @@ mod solve;
 mod testing;
 mod variety;
 pub mod verdict;
+mod window;
+mod wins;
 mod work;
 
 pub use columns::looked_for;

@@ -12,6 +12,7 @@ use crate::channels::{self, Channel};
 use crate::error::InputError;
 use crate::held::{Held, followed};
 use crate::nominal;
+use crate::pushed::Pushed;
 use crate::segment::Segment;
 use crate::sensitivity::{Here, Knots, Sensitivity};
 use crate::settings::SOFTNESS;
@@ -61,6 +62,8 @@ pub(crate) struct Motion {
     pub(crate) moves: Vec<Vec<Vec<f64>>>,
     /// Measured position of each of these drives less the one that the loops have for all of them together, [drive][sample].
     pub(crate) contradiction: Vec<Vec<f64>>,
+    /// Links that may be pushed, those nearer to the root first.
+    pub(crate) pushed: Vec<Pushed>,
     /// Effort of the model as given, per softness: [softness][drive][sample].
     pub(crate) nominal: Vec<Vec<Vec<f64>>>,
 }
@@ -128,6 +131,7 @@ pub(crate) fn motion(robot: &Robot, segment: Segment) -> Result<Motion, InputErr
         moves,
         contradiction,
         held: followed(robot).into_iter().map(|l| Held::new(l, na, n)).collect(),
+        pushed: Vec::new(),
         nominal: Vec::new(),
         segment,
     };
@@ -167,6 +171,7 @@ impl Pass {
         let mut spared = vec![vec![0.0; n]; na];
         let kinds = self.out.channels.iter().map(|c| c.kind).collect();
         let mut knots = Knots::new(&self.model, kinds, (n, self.out.segment.dt), self.out.segment.band);
+        self.out.pushed = Pushed::all(&self.model, (n, knots.every()));
         let closure = loops::assemble(&self.model, &mut self.data);
         self.check(&closure, 0)?;
         for i in 0..n {
@@ -191,6 +196,7 @@ impl Pass {
                 c.nominal[i] = channels::value(&self.model, &self.data, c.kind, &q);
             }
             if knots.is_knot(i) {
+                self.out.pushed.iter_mut().for_each(|p| p.take(&self.model, &mut self.data));
                 let effort: Vec<f64> = self.out.rigid.iter().map(|r| r[i]).collect();
                 let internal = self.internal(i);
                 let here = Here { q: &q, v: &v, a: &a, effort: &effort, internal: &internal };

@@ -103,6 +103,11 @@ impl Knots {
         Self { every, n_samples, is_rigid: vec![false; longer.len()], longer, at, channels, of_channels }
     }
 
+    /// Samples from knot to knot.
+    pub(crate) fn every(&self) -> usize {
+        self.every
+    }
+
     /// Whether sample `i` is a knot.
     pub(crate) fn is_knot(&self, i: usize) -> bool {
         i.is_multiple_of(self.every)
