@@ -85,8 +85,18 @@ fn rows_of_the_drives_project_onto_what_moves_the_robot() {
 fn the_reduction_of_the_drives_is_the_printed_jacobians_pseudo_inverse() {
     // J of robots.md, neutral foot: lengths' rates by the ankle's, [McDaid, eq. 8.4].
     let j = Matrix4x3::new(
-        0.024_557_56, -0.056_771_72, -0.011_389_43, 0.024_557_56, 0.056_771_72, 0.011_389_43, -0.027_596_78, 0.063_447_23,
-        -0.014_083_39, -0.027_596_78, -0.063_447_23, 0.014_083_39,
+        0.024_557_56,
+        -0.056_771_72,
+        -0.011_389_43,
+        0.024_557_56,
+        0.056_771_72,
+        0.011_389_43,
+        -0.027_596_78,
+        0.063_447_23,
+        -0.014_083_39,
+        -0.027_596_78,
+        -0.063_447_23,
+        0.014_083_39,
     );
     let plus = (j.transpose() * j).try_inverse().expect("full rank") * j.transpose();
     let model = ups4().bare;
@@ -224,7 +234,8 @@ fn an_excitation_moves_all_drives_as_the_loops_have_them() {
     for i in 0..recording.time.len() {
         let of = |k: usize| recording.signals[&format!("q_ref.l{}", k + 1)][i];
         let q: [f64; 4] = core::array::from_fn(of);
-        let closure = if i == 0 { walk_to(&nominal.bare, &mut data, &q) } else { pkm_dyn::loops::solve_positions(&nominal.bare, &mut data, &q) };
+        let closure =
+            if i == 0 { walk_to(&nominal.bare, &mut data, &q) } else { pkm_dyn::loops::solve_positions(&nominal.bare, &mut data, &q) };
         assert!(closure.is_closed && closure.misfit < 1e-9, "{closure:?}");
         for &j in &nominal.bare.actuators {
             let limits = nominal.bare.joints[j].limits;

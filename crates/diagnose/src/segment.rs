@@ -6,9 +6,9 @@
 use alloc::collections::BTreeMap;
 
 use pkm_dyn::effects::{Applied, Law, Robot};
-use pkm_dyn::{Data, math};
 use pkm_dyn::model::{Model, SensorKind};
-use pkm_ident::filter::{LowPass, advanced, derivative};
+use pkm_dyn::{Data, math};
+use pkm_ident::filter::{LowPass, advanced, derivative, lagged};
 use pkm_ident::grid::Grid;
 use pkm_ident::{Recording, spectrum};
 
@@ -174,6 +174,13 @@ fn raw(robot: &Robot, r: &Recording, kinds: &[Kind]) -> Result<Raw, InputError> 
         }
     }
     wrenches(model, r, &mut out);
+    other_positions(robot, r, kinds, &mut out);
+    Ok(out)
+}
+
+/// Positions measured besides those that determine the motion.
+fn other_positions(robot: &Robot, r: &Recording, kinds: &[Kind], out: &mut Raw) {
+    let model = &robot.model;
     for &kind in kinds {
         let signal = channels::signal(model, r, kind);
         if let Some(signal) = signal {
@@ -181,10 +188,13 @@ fn raw(robot: &Robot, r: &Recording, kinds: &[Kind]) -> Result<Raw, InputError> 
                 *ok &= !missing;
             }
         }
-        let series = signal.map(|signal| out.grid.resample(&r.time, signal));
+        let mut series = signal.map(|signal| out.grid.resample(&r.time, signal));
+        if let (Kind::Surplus(k), Some(series)) = (kind, &mut series) {
+            let (sensor, dt) = (PositionSensor::of(robot, model.actuators[k]), out.grid.dt);
+            series.iter_mut().enumerate().for_each(|(i, q)| *q = sensor.true_position(*q, dt * i as f64));
+        }
         out.channels.push((kind, series));
     }
-    Ok(out)
 }
 
 /// Measured wrenches; a component that is not recorded is taken for zero.
@@ -255,13 +265,7 @@ fn acting(robot: &Robot, j: usize, tau: &[f64], dt: f64) -> Vec<f64> {
     let (lag, delay) = (sum(|law| matches!(law, Law::EffortLag)), sum(|law| matches!(law, Law::EffortDelay)));
     let mut out = if delay.abs() > 0.0 { advanced(tau, -delay, dt) } else { tau.to_vec() };
     if lag > 0.0 {
-        let (stay, go) = ((2.0 * lag - dt) / (2.0 * lag + dt), dt / (2.0 * lag + dt));
-        let (mut last, mut state) = (out[0], out[0]);
-        for x in &mut out {
-            state = stay * state + go * (*x + last);
-            last = *x;
-            *x = state;
-        }
+        out = lagged(&out, lag, dt);
     }
     let passes = |x: f64| math::sign(x) * (x.abs() - zone).max(0.0);
     out.iter_mut().for_each(|x| *x = scale * passes(*x / recorded));

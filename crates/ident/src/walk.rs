@@ -3,14 +3,14 @@
 //! A window is long against the filter's memory and overlaps the next by twice that, so the seams do not show.
 
 use nalgebra::DMatrix;
-use pkm_dyn::effects::{Law, Robot};
 use pkm_dyn::inverse_dynamics::{closed_loop_motion, rigid_effort};
 use pkm_dyn::parameters::InertialParameters;
 use pkm_dyn::{Data, Model, loops, math};
 
 use crate::columns::Columns;
+use crate::electronics::{Electronics, acting, without};
 use crate::error::InputError;
-use crate::filter::{LowPass, advanced, derivative};
+use crate::filter::LowPass;
 use crate::motion::{Motion, Use, top_speed};
 use crate::observation::{BLOCKS, Block, Observation, Rows, Standstill};
 
@@ -75,91 +75,6 @@ fn standing(v: &[f64], dt: f64, band: f64) -> Vec<bool> {
     }
     out
 }
-
-/// What the drive's electronics make of an effort: scale, lag and delay of the robot file.
-#[derive(Debug, Clone, Copy)]
-struct Electronics {
-    scale: f64,
-    lag: f64,
-    delay: f64,
-}
-
-impl Electronics {
-    fn of(robot: &Robot, j: usize) -> Self {
-        Self {
-            scale: robot.chain(j, |law| matches!(law, Law::EffortScale)).product(),
-            lag: robot.chain(j, |law| matches!(law, Law::EffortLag)).sum(),
-            delay: robot.chain(j, |law| matches!(law, Law::EffortDelay)).sum(),
-        }
-    }
-
-    /// Nothing between what is recorded and what acts.
-    fn none() -> Self {
-        Self { scale: 1.0, lag: 0.0, delay: 0.0 }
-    }
-
-    /// The effort that acts while `x` is recorded.
-    fn acting(&self, x: &[f64], dt: f64) -> Vec<f64> {
-        let mut out = if self.delay.abs() > 0.0 { advanced(x, -self.delay, dt) } else { x.to_vec() };
-        if self.lag > 0.0 {
-            let (stay, go) = ((2.0 * self.lag - dt) / (2.0 * self.lag + dt), dt / (2.0 * self.lag + dt));
-            let first = out.first().copied().unwrap_or(0.0);
-            let (mut last, mut state) = (first, first);
-            for x in &mut out {
-                state = stay * state + go * (*x + last);
-                last = *x;
-                *x = state;
-            }
-        }
-        out.iter_mut().for_each(|x| *x *= self.scale);
-        out
-    }
-
-    /// What acts is what is recorded.
-    fn is_plain(&self) -> bool {
-        (self.scale - 1.0).abs() <= 0.0 && self.lag <= 0.0 && self.delay.abs() <= 0.0
-    }
-
-    /// The effort as it would be recorded while `x` acts, where that is another.
-    fn recorded(&self, x: &[f64], dt: f64) -> Option<Vec<f64>> {
-        if self.is_plain() {
-            return None;
-        }
-        let mut x = x.to_vec();
-        if self.lag > 0.0 {
-            let rate = derivative(&x, dt);
-            x.iter_mut().zip(rate).for_each(|(x, r)| *x += self.lag * r);
-        }
-        if self.delay.abs() > 0.0 {
-            x = advanced(&x, self.delay, dt);
-        }
-        x.iter_mut().for_each(|x| *x /= self.scale);
-        Some(x)
-    }
-}
-
-/// Efforts that act at surplus drives, [drive][sample]: the robot moves by what acts at all of them, so that their electronics cannot be put
-/// on the columns drive by drive.
-fn acting(robot: &Robot, motion: &Motion) -> Vec<Vec<f64>> {
-    let of = |(&j, tau): (&usize, &Vec<f64>)| Electronics::of(robot, j).acting(tau, motion.dt);
-    robot.model.actuators.iter().zip(&motion.tau).map(of).collect()
-}
-
-/// Takes out of efforts of the drives that move the robot what drives that stand have a part in: there the friction may be anything.
-/// `moves` has what moves the robot of each drive's unit effort, as columns, and is used up.
-fn without(moves: &mut DMatrix<f64>, stands: &mut dyn Iterator<Item = usize>) {
-    for k in stands {
-        let own = moves.column(k).into_owned();
-        if own[k] > NOTHING {
-            moves.ger(-1.0 / own[k], &own, &own, 1.0);
-        }
-        moves.row_mut(k).fill(0.0);
-        moves.column_mut(k).fill(0.0);
-    }
-}
-
-/// What is left of a unit effort of a drive, squared, below which nothing is.
-const NOTHING: f64 = 1e-9;
 
 /// One pass over one recording.
 pub(crate) struct Walk<'o> {

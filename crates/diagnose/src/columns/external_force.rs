@@ -95,9 +95,8 @@ fn on_link(link: usize, window: Window, has_others: bool) -> Vec<Shape> {
             (0..drives).map(|k| p.at_samples(c, k).iter().zip(&h).map(|(p, h)| -p * h).collect()).collect()
         })
     };
-    let force = |times: [f64; 2], mode: f64| {
-        Shape::free((0..3).map(|c| source(c, times, mode)).collect()).with(vec![times[0], times[1], mode])
-    };
+    let force =
+        |times: [f64; 2], mode: f64| Shape::free((0..3).map(|c| source(c, times, mode)).collect()).with(vec![times[0], times[1], mode]);
     let times = [window.start, window.end];
     let mut out: Vec<Shape> = tried(window).into_iter().map(|times| force(times, ALWAYS)).collect();
     // The first three columns once more, with moments: it was not at the link's origin.
