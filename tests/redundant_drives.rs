@@ -166,6 +166,11 @@ fn a_wrong_torque_constant_is_named_at_its_drive() {
     assert!((f.parameters["scale"].value - 0.8).abs() < 0.02, "{}", told(&d));
 }
 
+/// Of mean zero and variance one, by the sum of twelve uniform numbers.
+fn normal(draw: &mut Draw) -> f64 {
+    (0..12).map(|_| draw.uniform(-0.5..0.5)).sum()
+}
+
 /// Ten seconds of `truth` as its equations have them, its drives straining each other besides, with white noise of `noise` newtons.
 fn made(truth: &Model, noise: f64, draw: &mut Draw) -> Recording {
     let drawn = Reference::draw(truth, &ReferenceOptions { seed: 5, period_s: 5.0, amplitude: 0.6 }).expect("a motion");
@@ -185,7 +190,7 @@ fn made(truth: &Model, noise: f64, draw: &mut Draw) -> Recording {
             let friction = truth.joints[j].viscous * s.v[k] + truth.joints[j].coulomb * math::sign(s.v[k]);
             let internal = strain[(k, 0)] * (30.0 + 40.0 * math::sin(3.0 * t));
             q[k].push(s.q[k]);
-            tau[k].push(smallest[k] + friction + internal + noise * draw.normal());
+            tau[k].push(smallest[k] + friction + internal + noise * normal(draw));
         }
     }
     for (k, &j) in truth.actuators.iter().enumerate() {

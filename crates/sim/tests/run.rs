@@ -7,14 +7,15 @@ use pkm_dyn::loops::{assemble, walk_to};
 use pkm_dyn::math::sign;
 use pkm_dyn::urdf::{Description, parse};
 use pkm_ident::Recording;
-use pkm_sim::{Scenario, SimError, describe, draw, run};
+use pkm_sim::{PlantKind, Scenario, SimError, describe, draw, run};
 
 fn description(name: &str) -> Description {
     let robot = pkm_robots::find(name).expect("a shipped robot");
     parse(robot.toml, robot.urdf, [robot.toml_name, robot.urdf_name]).expect("shipped robots load")
 }
 
-/// Shipped robots with as many drives as freedoms; the one with more is refused (`more_drives_than_freedoms_are_refused`).
+/// Shipped robots with as many drives as freedoms; the one with more wants another plant
+/// (`more_drives_than_freedoms_want_the_constrained_plant_and_get_it`).
 fn runnable() -> impl Iterator<Item = &'static pkm_robots::Shipped> {
     pkm_robots::ALL.iter().filter(|robot| robot.name != "ups4")
 }
