@@ -97,7 +97,7 @@ pub(crate) fn windows(motions: &[Motion]) -> Vec<(Place, Window)> {
         let all = out.iter().flatten();
         without = all.max_by(|a, b| a.0.total_cmp(&b.0)).map(|o| o.2);
     }
-    out.into_iter().flat_map(|kind| nearly_best(kind)).collect()
+    out.into_iter().flat_map(nearly_best).collect()
 }
 
 fn nearly_best(mut all: Vec<(f64, Place, Window)>) -> Vec<(Place, Window)> {
