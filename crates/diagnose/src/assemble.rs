@@ -25,7 +25,7 @@ use crate::settings::{PRIORS, Settings};
 use crate::variety::different_motions;
 use crate::verdict::{EffectAt, Estimate, Finding, Heldout, HeldoutJoint, SCHEMA, Status, Verdict};
 use crate::work::Work;
-use crate::{experiments, gate, picture, priors};
+use crate::{experiments, gate, picture, priors, sharing};
 
 type Left = Vec<Vec<Vec<f64>>>;
 
@@ -99,6 +99,7 @@ pub(crate) fn assemble(
         invisible,
         ruled_out: evidence.ruled_out.iter().filter(|s| s.gain.is_finite() && s.surprise.is_finite()).take(TOLD).cloned().collect(),
         isolability: isolability(work),
+        internal_effort: sharing::evidence(work),
         replay: Vec::new(),
         refined_model: String::new(),
         notes: notes(work, fin.motions),
@@ -146,7 +147,7 @@ fn finish(work: &Work) -> Final {
 }
 
 /// Parameters that are chosen from a list of shapes.
-const TRIED: [&str; 5] = ["stribeck_velocity", "order", "exponent", "position", "limit"];
+const TRIED: [&str; 7] = ["stribeck_velocity", "order", "exponent", "position", "limit", "start", "end"];
 
 /// Interval of a value that was chosen from a list and not fitted: halfway to the neighbours that were tried and did worse.
 fn tried_interval(work: &Work, pick: usize, value: f64) -> Option<[f64; 2]> {
@@ -336,7 +337,7 @@ fn summary(findings: &[Finding], left: &str, h: &Heldout) -> String {
 }
 
 fn notes(work: &Work, motions: usize) -> Vec<String> {
-    let mut out = Vec::new();
+    let mut out: Vec<String> = sharing::evidence(work).map(|e| e.says).into_iter().collect();
     for m in work.motions {
         let s = &m.segment;
         let gone = s.valid.iter().filter(|v| !**v).count();

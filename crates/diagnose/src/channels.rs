@@ -1,4 +1,5 @@
-//! Positions measured besides those of the drives: passive joints, second sensors on the link's side, motion capture.
+//! Positions measured besides those that determine the motion: passive joints, second sensors on the link's side, motion capture, and of
+//! more drives than freedoms those in surplus.
 //!
 //! They need no effort to say that a length, an encoder or a transmission is wrong, and they are rows of the same regression: what shifts
 //! the robot shifts them. Of a pose its position is used.
@@ -20,12 +21,15 @@ pub(crate) enum Kind {
     Link(usize),
     /// Coordinate of a pose sensor's frame in the root's: sensor, axis.
     Pose(usize, usize),
+    /// Position of a drive that the others determine, where there are more drives than freedoms: against what the loops have for all.
+    Surplus(usize),
 }
 
 impl Kind {
-    /// Whether its zero is taken for unknown: a second encoder is zeroed by whoever mounts it, motion capture is calibrated.
+    /// Whether its zero is taken for unknown: a second encoder is zeroed by whoever mounts it, motion capture is calibrated, and
+    /// the encoders of drives are what the robot's files are about.
     fn has_free_zero(self) -> bool {
-        !matches!(self, Self::Pose(..))
+        !matches!(self, Self::Pose(..) | Self::Surplus(_))
     }
 
     /// Column of a recording.
@@ -33,6 +37,7 @@ impl Kind {
         match self {
             Self::Passive(j) => format!("q.{}", model.joints[j].name),
             Self::Link(k) => format!("q_link.{}", model.joints[model.actuators[k]].name),
+            Self::Surplus(k) => format!("q.{}", model.joints[model.actuators[k]].name),
             Self::Pose(s, axis) => format!("pose.{}.{}", model.sensors[s].name, ["x", "y", "z"][axis]),
         }
     }
@@ -60,7 +65,8 @@ pub(crate) fn kinds(robot: &Robot, recordings: &[&Recording]) -> Vec<Kind> {
     let sensors = model.sensors.iter().enumerate().filter(|(_, s)| s.kind == SensorKind::Pose);
     let pose = sensors.flat_map(|(s, _)| (0..3).map(move |axis| Kind::Pose(s, axis)));
     let is_recorded = |kind: &Kind| recordings.iter().any(|r| signal(model, r, *kind).is_some());
-    passive.chain(link).chain(pose).filter(is_recorded).collect()
+    let surplus = (Data::new(model).n_ind()..model.n_act()).map(Kind::Surplus);
+    passive.chain(link).chain(pose).chain(surplus).filter(is_recorded).collect()
 }
 
 /// The channel's column, if at least half of it is known.
@@ -75,6 +81,7 @@ pub(crate) fn value(model: &Model, data: &Data, kind: Kind, q: &[f64]) -> f64 {
     match kind {
         Kind::Passive(j) => data.q[j],
         Kind::Link(k) => q[k],
+        Kind::Surplus(k) => data.q[model.actuators[k]],
         Kind::Pose(s, axis) => {
             let frame = frame(model, s);
             let pose = frame.body.map_or(frame.pose, |b| data.pose_wb[b].compose(&frame.pose));
@@ -87,12 +94,14 @@ pub(crate) fn value(model: &Model, data: &Data, kind: Kind, q: &[f64]) -> f64 {
 pub(crate) fn by_drive(model: &Model, data: &mut Data, kind: Kind) -> Vec<f64> {
     let n = model.n_act();
     match kind {
-        Kind::Passive(j) => (0..n).map(|k| data.reduction[(j, k)]).collect(),
+        Kind::Passive(j) => (0..n).map(|k| data.drive_reduction[(j, k)]).collect(),
+        // The reading itself moves as well: what is compared is the loops' position with it.
+        Kind::Surplus(own) => (0..n).map(|k| data.drive_reduction[(model.actuators[own], k)] - f64::from(u8::from(k == own))).collect(),
         Kind::Link(own) => (0..n).map(|k| f64::from(u8::from(k == own))).collect(),
         Kind::Pose(s, axis) => {
             let frame = frame(model, s);
             let jacobian = frame_jacobian(model, data, &frame, Reference::LocalWorldAligned).clone();
-            (0..n).map(|k| (0..model.nv()).map(|j| jacobian[(axis, j)] * data.reduction[(j, k)]).sum()).collect()
+            (0..n).map(|k| (0..model.nv()).map(|j| jacobian[(axis, j)] * data.drive_reduction[(j, k)]).sum()).collect()
         }
     }
 }

@@ -18,10 +18,26 @@ pub(crate) fn confirm(work: &mut Work, band: f64, settings: &Settings) {
     for i in (0..work.picks.len()).rev() {
         let (Some(p), Some((gain, _))) = (p_values[i], &judged[i]) else { continue };
         work.picks[i].p_confirm = p;
-        if p > settings.confirm_level || *gain <= 0.0 {
+        if (p > settings.confirm_level || *gain <= 0.0) && !stays_in_fitted_only(work, i, settings) {
             drop_pick(work, i, band);
         }
     }
+}
+
+/// Puts the shape in place that did not act in recordings that are only judged on, where a pick has one and the search alone is sure enough:
+/// a push on somebody's arm need not come back in another recording. Nothing confirms it then, and its p-value says so.
+fn stays_in_fitted_only(work: &mut Work, pick: usize, settings: &Settings) -> bool {
+    let p = &work.picks[pick];
+    let Some(values) = crate::columns::external_force::in_fitted_only(&p.variant.values) else { return false };
+    let c = &work.candidates[p.candidate];
+    if c.effect_name() != "external_force" || p.p_search > settings.confirm_level {
+        return false;
+    }
+    let distance = |v: &crate::work::Variant| (v.values[0] - values[0]).abs() + (v.values[1] - values[1]).abs();
+    let twins = c.variants.iter().filter(|v| v.values[2] >= values[2]);
+    let Some(twin) = twins.min_by(|a, b| distance(a).total_cmp(&distance(b))).cloned() else { return false };
+    (work.picks[pick].variant, work.picks[pick].p_confirm) = (twin, 1.0);
+    true
 }
 
 /// A pick's held-out gain, and what it gains in each null run; `None` where it has no column of its own.

@@ -7,10 +7,11 @@ use rayon::prelude::*;
 use crate::columns;
 use crate::design::{ColumnId, View};
 use crate::gram::{Cross, Targets};
+use crate::isolability::projected;
 use crate::screen::{self, Base};
 use crate::settings::Settings;
-use crate::isolability::projected;
 use crate::solve::{Over, products};
+use crate::wins::wins;
 use crate::work::{Candidate, Pick, Variant, Work};
 use crate::worth::size;
 
@@ -191,7 +192,8 @@ impl Arena<'_> {
         let nulls = (0..self.null_best.len()).map(|b| share(&self.bases[self.null_best[b]], [n_real + b; 2])).collect();
         let g = &parts.first()?.1;
         let taken = best_base.total(self.best_ground) - base.total(i) + sum(&g.all, i);
-        let wins = (0..g.all.len()).filter(|&f| fold_taken(self.bases, self.best_ground, i, f) + g.all[f][i] > 0.0).count();
+        let won = |f: usize| fold_taken(self.bases, self.best_ground, i, f) + g.all[f][i] > 0.0;
+        let wins = wins(&self.work.gram, &own, &won);
         let real = [self.best_ground, i];
         let gain = share(best_base, real);
         Some((Trial { variant: variant.clone(), ground: i, taken, gain, wins }, nulls))

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use crate::motion::{Motion, softness_widths};
 use crate::rows::{FineGrid, Rows, folds, rows, standstill};
 use crate::settings::SOFTNESS;
+use crate::sharing::Sharing;
 
 /// Index of a column in the whole design.
 pub(crate) type ColumnId = usize;
@@ -70,6 +71,8 @@ pub(crate) struct Design {
     pub(crate) weight: Vec<f64>,
     /// Raw samples at which each joint stands still: [segment][joint].
     still: Vec<Vec<Vec<bool>>>,
+    /// How surplus drives share efforts, by segment; empty without any.
+    sharing: Vec<Sharing>,
 }
 
 /// Makes a column's raw series for one segment.
@@ -86,20 +89,29 @@ impl Design {
         let fine: Vec<FineGrid> = motions.iter().map(|m| FineGrid::new(m.segment.dt, band)).collect();
         let (folds, n_folds) = folds(motions);
         let still: Vec<Vec<Vec<bool>>> = motions.iter().map(|m| standstill(m, band)).collect();
-        let rows = (0..motions.len()).map(|s| rows(&motions[s], &fine[s], &folds[s], &still[s])).collect();
-        let pair = |k: usize, of: &dyn Fn(&Motion) -> Vec<f64>| {
-            let each = |s: usize| {
-                let x = of(&motions[s]);
-                (fine[s].fine(&x), fine[s].fine_cut(&x, &still[s][k]))
-            };
-            let (plain, cut) = (0..motions.len()).map(each).unzip();
-            Pair { plain, cut }
+        let sharing: Vec<Sharing> = motions.iter().zip(&still).filter_map(|(m, still)| Sharing::of(m, still)).collect();
+        let mut rows: Vec<Rows> = (0..motions.len()).map(|s| rows(&motions[s], &fine[s], &folds[s], &still[s])).collect();
+        if !sharing.is_empty() {
+            rows.iter_mut().for_each(|r| clean_together(&mut r.clean[..n_drives]));
+        }
+        let pairs = |of: &dyn Fn(&Motion) -> Vec<Vec<f64>>| {
+            let mut out = vec![Pair::default(); n_joints];
+            for (s, motion) in motions.iter().enumerate() {
+                let series: Series = of(motion).into_iter().enumerate().collect();
+                let cut = cut(&series, &still[s], sharing.get(s));
+                for ((pair, (_, plain)), (_, cut)) in out.iter_mut().zip(&series).zip(&cut) {
+                    pair.plain.push(fine[s].fine(plain));
+                    pair.cut.push(fine[s].fine(cut));
+                }
+            }
+            out
         };
-        let channel = |m: &Motion, k: usize, which: usize| m.channels[k - n_drives].rows(&m.segment.valid)[which].clone();
-        let measured =
-            (0..n_joints).map(|k| pair(k, &|m| if k < n_drives { m.segment.tau[k].clone() } else { channel(m, k, 0) })).collect();
-        let nominal = |w: usize, k: usize| pair(k, &|m| if k < n_drives { m.nominal[w][k].clone() } else { channel(m, k, 1) });
-        let nominal = (0..SOFTNESS.len()).map(|w| (0..n_joints).map(|k| nominal(w, k)).collect()).collect();
+        let with_channels = |m: &Motion, efforts: &[Vec<f64>], which: usize| -> Vec<Vec<f64>> {
+            let channel = |c: &crate::channels::Channel| c.rows(&m.segment.valid)[which].clone();
+            efforts.iter().cloned().chain(m.channels.iter().map(channel)).collect()
+        };
+        let measured = pairs(&|m| with_channels(m, &m.segment.tau, 0));
+        let nominal = (0..SOFTNESS.len()).map(|w| pairs(&|m| with_channels(m, &m.nominal[w], 1))).collect();
         let mut given_chain: Vec<Chain> = robot
             .model
             .actuators
@@ -125,19 +137,32 @@ impl Design {
             late,
             weight: vec![1.0; n_joints],
             still,
+            sharing,
         }
+    }
+
+    /// Whether there are more drives than freedoms, so that what one drive does is in the rows of all.
+    pub(crate) fn is_shared(&self) -> bool {
+        !self.sharing.is_empty()
+    }
+
+    /// Drives per freedom: 1 unless there are more drives than freedoms.
+    pub(crate) fn drives_per_freedom(&self) -> f64 {
+        self.sharing.first().map_or(1.0, |s| self.n_drives as f64 / s.freedoms())
     }
 
     /// Adds columns given by their raw series per segment, filtered here exactly as the effort is; returns their ids.
     pub(crate) fn push(&mut self, motions: &[Motion], sources: Vec<Make>) -> Vec<ColumnId> {
-        let (fine, still) = (&self.fine, &self.still);
+        let (fine, still, sharing) = (&self.fine, &self.still, &self.sharing);
         let new: Vec<Column> = sources
             .par_iter()
             .map(|source| {
                 let mut joints: Vec<(usize, Pair)> = Vec::new();
                 for (s, motion) in motions.iter().enumerate() {
-                    for (joint, raw) in source(motion) {
-                        let (plain, cut) = (fine[s].fine(&raw), fine[s].fine_cut(&raw, &still[s][joint]));
+                    let series = source(motion);
+                    let (whole, cut) = (sharing.get(s).map(|x| x.whole(&series)), cut(&series, &still[s], sharing.get(s)));
+                    for ((joint, plain), (_, cut)) in whole.unwrap_or(series).into_iter().zip(cut) {
+                        let (plain, cut) = (fine[s].fine(&plain), fine[s].fine(&cut));
                         let at = joints.iter().position(|(j, _)| *j == joint).unwrap_or_else(|| {
                             joints.push((joint, Pair::default()));
                             joints.len() - 1
@@ -158,12 +183,22 @@ impl Design {
 
     /// A raw series of a joint, filtered with its standstill cut out, on the fine grid.
     pub(crate) fn without_standstill(&self, segment: usize, joint: usize, raw: &[f64]) -> Vec<f64> {
-        self.fine[segment].fine_cut(raw, &self.still[segment][joint])
+        let cut: Vec<f64> = raw.iter().zip(&self.still[segment][joint]).map(|(x, still)| if *still { 0.0 } else { *x }).collect();
+        self.fine[segment].fine(&cut)
     }
 
-    /// Adds a column that is already filtered and on the fine grid, or replaces one.
+    /// Adds a column that is already filtered and on the fine grid, or replaces one. Fits see those of surplus drives on clean rows only.
     pub(crate) fn put_fine(&mut self, at: Option<ColumnId>, joint: usize, pair: Pair) -> ColumnId {
-        let column = Column { joints: vec![(joint, pair)] };
+        let on_clean_rows = |plain: Fine| {
+            let cut = plain.iter().map(|x| vec![0.0; x.len()]).collect();
+            Pair { plain, cut }
+        };
+        let spread = |k: usize| {
+            let of_segment = |(s, x): (usize, &Vec<f64>)| self.sharing[s].thinned(joint, x, self.fine[s].step).swap_remove(k);
+            (k, on_clean_rows(pair.plain.iter().enumerate().map(of_segment).collect()))
+        };
+        let joints = if self.is_shared() { (0..self.n_drives).map(spread).collect() } else { vec![(joint, pair)] };
+        let column = Column { joints };
         match at {
             Some(id) => {
                 self.columns[id] = column;
@@ -176,8 +211,12 @@ impl Design {
         }
     }
 
-    /// A fine series behind a joint's drive chain, as recorded effort.
+    /// A fine series behind a joint's drive chain, as recorded effort. Rows of surplus drives are sums over chains: there the chain stays a
+    /// column by itself, and recorded efforts are brought to what acts beforehand.
     pub(crate) fn through_chain(&self, chain: Chain, segment: usize, x: &[f64]) -> Vec<f64> {
+        if self.is_shared() {
+            return x.to_vec();
+        }
         let dt = self.fine[segment].dt;
         let mut out = if chain.delay.abs() > 0.0 { advanced(x, chain.delay, dt) } else { x.to_vec() };
         if chain.lag.abs() > 0.0 {
@@ -236,6 +275,22 @@ impl Design {
     pub(crate) fn joints_of(&self, id: ColumnId) -> impl Iterator<Item = usize> + '_ {
         self.columns[id].joints.iter().map(|(j, _)| *j)
     }
+}
+
+/// Series with standstill taken out: set to zero, or of surplus drives projected away.
+fn cut(series: &Series, still: &[Vec<bool>], sharing: Option<&Sharing>) -> Series {
+    let mut out = sharing.map_or_else(|| series.clone(), |s| s.moving(series));
+    for (j, x) in &mut out {
+        // A drive that stands has no part in its own row either way.
+        x.iter_mut().zip(&still[*j]).filter(|(_, still)| **still).for_each(|(x, _)| *x = 0.0);
+    }
+    out
+}
+
+/// What one drive's standstill does is in the rows of all that share with it.
+fn clean_together(clean: &mut [Vec<bool>]) {
+    let all: Vec<bool> = (0..clean.first().map_or(0, Vec::len)).map(|i| clean.iter().all(|c| c[i])).collect();
+    clean.iter_mut().for_each(|c| c.clone_from(&all));
 }
 
 /// Widths of smoothed directions per segment: [segment][softness][tree joint].

@@ -185,6 +185,10 @@ fn probes(work: &Work, c: &Candidate, v: &Variant) -> Vec<Probe> {
             vec![Probe { parameter: "c2", direction }]
         }
         ("cable_force", _) => Vec::new(),
+        ("external_force", _) => {
+            let components = ["fx", "fy", "fz", "mx", "my", "mz"].into_iter().take(v.n_own).enumerate();
+            components.map(|(i, parameter)| Probe { parameter, direction: unit(i) }).collect()
+        }
         ("friction_asymmetric", [kind, ..]) => one(if *kind > 0.5 { "coulomb_pos" } else { "viscous_pos" }),
         ("friction_passive", [kind, ..]) => one(if *kind < 0.5 { "coulomb" } else { "viscous" }),
         (other, _) => find(other).and_then(|e| e.parameters.first()).map_or_else(Vec::new, |p| one(p.name)),
@@ -230,7 +234,9 @@ pub(crate) fn left_power(work: &Work, left: &[Vec<Vec<f64>>]) -> Vec<Power> {
             let next: f64 = rows_of(work, j).filter(|(_, i)| *i > 0).map(|(s, i)| left[j][s][i] * left[j][s][i - 1]).sum();
             // Variance inflation of a mean of first-order autoregressive noise.
             let r = if sum > 0.0 { (next / sum).clamp(0.0, 0.95) } else { 0.0 };
-            Power { plain: w * sum, coloured: w * sum * (1.0 + r) / (1.0 - r) }
+            // Rows of surplus drives share the noise of their freedoms.
+            let shared = if j < work.design.n_drives { work.design.drives_per_freedom() } else { 1.0 };
+            Power { plain: w * sum, coloured: shared * w * sum * (1.0 + r) / (1.0 - r) }
         })
         .collect()
 }

@@ -69,7 +69,7 @@ impl Held {
         }
     }
 
-    /// Stores sample `i` from the poses, velocities and reduction in `data`.
+    /// Stores sample `i` from the poses, velocities and the drives' reduction in `data`.
     pub(crate) fn store(&mut self, model: &Model, data: &mut Data, i: usize) {
         let link = &model.links[self.link];
         let frame = FrameOnBody { body: link.body, pose: link.pose };
@@ -84,7 +84,7 @@ impl Held {
             self.displacement[3 + c][i] = turn[c];
         }
         frame_jacobian(model, data, &frame, Reference::LocalWorldAligned);
-        let (jacobian, reduction) = (&data.jacobian, &data.reduction);
+        let (jacobian, reduction) = (&data.jacobian, &data.drive_reduction);
         for c in 0..6 {
             let row = jacobian.row(c);
             self.velocity[c][i] = row.iter().zip(&data.v).map(|(j, v)| j * v).sum();

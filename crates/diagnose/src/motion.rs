@@ -3,7 +3,7 @@
 use pkm_dyn::effects::Robot;
 use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, rigid_effort};
 use pkm_dyn::jacobian::{Reference, frame_jacobian};
-use pkm_dyn::loops;
+use pkm_dyn::loops::{self, drive_reduction};
 use pkm_dyn::model::FrameOnBody;
 use pkm_dyn::parameters::{InertialParameters, N_INERTIAL};
 use pkm_dyn::{Data, Model, math};
@@ -12,6 +12,7 @@ use crate::channels::{self, Channel};
 use crate::error::InputError;
 use crate::held::{Held, followed};
 use crate::nominal;
+use crate::pushed::Pushed;
 use crate::segment::Segment;
 use crate::sensitivity::{Here, Knots, Sensitivity};
 use crate::settings::SOFTNESS;
@@ -33,7 +34,7 @@ pub(crate) struct Passive {
 #[derive(Debug, Clone)]
 pub(crate) struct Motion {
     pub(crate) segment: Segment,
-    /// Rigid bodies and rotor inertia `[N | N·m]`.
+    /// Rigid bodies and rotor inertia, and what surplus drives were measured to do to each other `[N | N·m]`.
     pub(crate) rigid: Vec<Vec<f64>>,
     /// Effort per unit of each inertial parameter of each massive link: [link·10 + k][drive][sample].
     pub(crate) link_columns: Vec<Vec<Vec<f64>>>,
@@ -51,12 +52,18 @@ pub(crate) struct Motion {
     pub(crate) channels: Vec<Channel>,
     /// Rotor inertia of each drive `[kg | kg·m²]`.
     pub(crate) rotor: Vec<f64>,
-    /// Passive joints, in the order of `Data::passive`.
+    /// Joints without a drive, ascending.
     pub(crate) passive: Vec<Passive>,
     /// Their numbers in the tree.
     pub(crate) dependent: Vec<usize>,
     /// Links that may be held or pushed.
     pub(crate) held: Vec<Held>,
+    /// Of more drives than freedoms what of the drives' efforts moves the robot, [drive][drive][sample]; empty otherwise.
+    pub(crate) moves: Vec<Vec<Vec<f64>>>,
+    /// Measured position of each of these drives less the one that the loops have for all of them together, [drive][sample].
+    pub(crate) contradiction: Vec<Vec<f64>>,
+    /// Links that may be pushed, those nearer to the root first.
+    pub(crate) pushed: Vec<Pushed>,
     /// Effort of the model as given, per softness: [softness][drive][sample].
     pub(crate) nominal: Vec<Vec<Vec<f64>>>,
 }
@@ -95,7 +102,10 @@ pub(crate) fn motion(robot: &Robot, segment: Segment) -> Result<Motion, InputErr
     let links = model.massive_links();
     let data = Data::new(&model);
     let zeros = || vec![vec![0.0; n]; na];
-    let passive = data.dependent.iter().map(|_| Passive { q: vec![0.0; n], v: vec![0.0; n], a: vec![0.0; n], g: zeros() }).collect();
+    let dependent = model.passive();
+    let passive = dependent.iter().map(|_| Passive { q: vec![0.0; n], v: vec![0.0; n], a: vec![0.0; n], g: zeros() }).collect();
+    let is_shared = na > data.n_ind();
+    let (moves, contradiction) = if is_shared { (vec![zeros(); na], zeros()) } else { (Vec::new(), Vec::new()) };
     let out = Motion {
         rigid: zeros(),
         link_columns: vec![zeros(); links.len() * N_INERTIAL],
@@ -117,8 +127,11 @@ pub(crate) fn motion(robot: &Robot, segment: Segment) -> Result<Motion, InputErr
             .collect(),
         rotor: model.actuators.iter().map(|&j| model.joints[j].armature).collect(),
         passive,
-        dependent: data.dependent.clone(),
+        dependent,
+        moves,
+        contradiction,
         held: followed(robot).into_iter().map(|l| Held::new(l, na, n)).collect(),
+        pushed: Vec::new(),
         nominal: Vec::new(),
         segment,
     };
@@ -158,6 +171,7 @@ impl Pass {
         let mut spared = vec![vec![0.0; n]; na];
         let kinds = self.out.channels.iter().map(|c| c.kind).collect();
         let mut knots = Knots::new(&self.model, kinds, (n, self.out.segment.dt), self.out.segment.band);
+        self.out.pushed = Pushed::all(&self.model, (n, knots.every()));
         let closure = loops::assemble(&self.model, &mut self.data);
         self.check(&closure, 0)?;
         for i in 0..n {
@@ -171,6 +185,7 @@ impl Pass {
             let closure = closed_loop_motion(&self.model, &mut self.data, &q, &v, &a);
             self.check(&closure, i)?;
             rigid_effort(&self.model, &mut self.data);
+            drive_reduction(&self.model, &mut self.data);
             self.store(i, &moments);
             for held in &mut self.out.held {
                 held.store(&self.model, &mut self.data, i);
@@ -181,8 +196,10 @@ impl Pass {
                 c.nominal[i] = channels::value(&self.model, &self.data, c.kind, &q);
             }
             if knots.is_knot(i) {
+                self.out.pushed.iter_mut().for_each(|p| p.take(&self.model, &mut self.data));
                 let effort: Vec<f64> = self.out.rigid.iter().map(|r| r[i]).collect();
-                let here = Here { q: &q, v: &v, a: &a, effort: &effort };
+                let internal = self.internal(i);
+                let here = Here { q: &q, v: &v, a: &a, effort: &effort, internal: &internal };
                 knots.take(&self.model, &mut self.data, &here).or_else(|closure| self.check(&closure, i))?;
             }
         }
@@ -194,6 +211,10 @@ impl Pass {
         }
         for (rigid, spared) in self.out.rigid.iter_mut().flatten().zip(spared.iter().flatten()) {
             *rigid -= spared;
+        }
+        for i in 0..n {
+            let internal = self.internal(i);
+            self.out.rigid.iter_mut().zip(internal).for_each(|(rigid, strain)| rigid[i] += strain);
         }
         self.clear_rounding();
         Ok(())
@@ -233,23 +254,37 @@ impl Pass {
         for k in 0..na {
             self.out.rigid[k][i] = self.data.tau_act[k];
         }
-        for (p, &j) in self.data.dependent.iter().enumerate() {
-            let passive = &mut self.out.passive[p];
+        let Motion { dependent, passive, moves, contradiction, segment, .. } = &mut self.out;
+        for (&j, passive) in dependent.iter().zip(passive) {
             (passive.q[i], passive.v[i], passive.a[i]) = (self.data.q[j], self.data.v[j], self.data.a[j]);
             for k in 0..na {
-                self.out.passive[p].g[k][i] = self.data.reduction[(j, k)];
+                passive.g[k][i] = self.data.drive_reduction[(j, k)];
             }
         }
+        for (d, (&j, row)) in self.model.actuators.iter().zip(moves).enumerate() {
+            row.iter_mut().enumerate().for_each(|(k, series)| series[i] = self.data.drive_reduction[(j, k)]);
+            contradiction[d][i] = segment.q[d][i] - self.data.q[j];
+        }
         actuated_regressor(&self.model, &mut self.data);
+        let is_shared = na > self.data.n_ind();
         for (l, (body, l_to_body)) in moments.iter().enumerate() {
-            for k in 0..na {
-                for c in 0..N_INERTIAL {
-                    // Columns are per body about the body's frame; a link fixed at an offset needs them about its own.
-                    let sum: f64 = (0..N_INERTIAL).map(|b| self.data.regressor[(k, body * N_INERTIAL + b)] * l_to_body[(b, c)]).sum();
-                    self.out.link_columns[l * N_INERTIAL + c][k][i] = sum;
+            for c in 0..N_INERTIAL {
+                // Columns are per body about the body's frame; a link fixed at an offset needs them about its own.
+                let data = &self.data;
+                let felt = |k: usize| (0..N_INERTIAL).map(|b| data.regressor[(k, body * N_INERTIAL + b)] * l_to_body[(b, c)]).sum::<f64>();
+                for k in 0..na {
+                    let shared = || (0..data.n_ind()).map(|f| data.distribution[(k, f)] * felt(f)).sum();
+                    self.out.link_columns[l * N_INERTIAL + c][k][i] = if is_shared { shared() } else { felt(k) };
                 }
             }
         }
+    }
+
+    /// What the drives were measured to do to each other at sample `i`: their efforts without what moves the robot.
+    fn internal(&self, i: usize) -> Vec<f64> {
+        let tau = &self.out.segment.tau;
+        let moved = |row: &Vec<Vec<f64>>| -> f64 { row.iter().zip(tau).map(|(p, tau)| p[i] * tau[i]).sum() };
+        self.out.moves.iter().zip(tau).map(|(row, tau)| tau[i] - moved(row)).collect()
     }
 
     /// Weight is linear in gravity: a small tilt adds the weight under the turned part of gravity, and ground that is accelerated one way
@@ -285,7 +320,7 @@ impl Pass {
             let jacobian = frame_jacobian(&self.model, &mut self.data, &frame, Reference::Local).clone();
             for (k, spared) in spared.iter_mut().enumerate() {
                 for (row, component) in w.components.iter().enumerate() {
-                    let moved: f64 = (0..self.model.nv()).map(|j| jacobian[(row, j)] * self.data.reduction[(j, k)]).sum();
+                    let moved: f64 = (0..self.model.nv()).map(|j| jacobian[(row, j)] * self.data.drive_reduction[(j, k)]).sum();
                     spared[i] += moved * component[i];
                 }
             }
@@ -311,7 +346,7 @@ fn weight(model: &Model, data: &mut Data, gravity: nalgebra::Vector3<f64>) -> Ve
             at = model.joints[j].parent;
         }
     }
-    (0..model.n_act()).map(|k| data.reduction.column(k).iter().zip(&tree).map(|(g, t)| g * t).sum()).collect()
+    (0..model.n_act()).map(|k| data.drive_reduction.column(k).iter().zip(&tree).map(|(g, t)| g * t).sum()).collect()
 }
 
 /// Widths over which directions pass through zero: [softness][tree joint] `[m/s | rad/s]`.

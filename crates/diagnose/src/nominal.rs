@@ -5,6 +5,7 @@ use pkm_dyn::math;
 
 use crate::held::Held;
 use crate::motion::{Motion, soft_sign, softness_widths};
+use crate::sharing;
 use crate::shift;
 
 /// A tree joint along a segment.
@@ -22,11 +23,18 @@ struct Track<'m> {
 /// transmissions, and what other sensors would read of it.
 pub(crate) fn fill(robot: &Robot, motion: &mut Motion) {
     motion.nominal = softness_widths(&robot.model, motion).iter().map(|width| at_softness(robot, motion, width)).collect();
+    let mut nominal = core::mem::take(&mut motion.nominal);
+    nominal.iter_mut().for_each(|efforts| sharing::as_measured(motion, efforts));
+    motion.nominal = nominal;
     for k in 0..robot.model.n_act() {
         let (rotor, a) = (motion.rotor[k], &motion.segment.a[k]);
         motion.transmitted[k] = motion.nominal[0][k].iter().zip(a).map(|(t, a)| t - rotor * a).collect();
     }
     give_way(robot, motion);
+    if !motion.moves.is_empty() {
+        // Recorded efforts are what acts already ([`crate::segment`]).
+        return;
+    }
     for (k, &j) in robot.model.actuators.iter().enumerate() {
         let chain = |is: fn(&Law) -> bool| robot.chain(j, is);
         let scale: f64 = chain(|law| matches!(law, Law::EffortScale)).product();

@@ -26,7 +26,13 @@ pub fn predict(description: &Description, recording: &Recording) -> Result<BTree
     for (k, &j) in robot.model.actuators.iter().enumerate() {
         let lag: f64 = robot.chain(j, |law| matches!(law, Law::EffortLag)).sum();
         let delay: f64 = robot.chain(j, |law| matches!(law, Law::EffortDelay)).sum();
-        let mut effort = if delay.abs() > 0.0 { advanced(&m.nominal[0][k], delay, dt) } else { m.nominal[0][k].clone() };
+        let mut acts = m.nominal[0][k].clone();
+        if !m.moves.is_empty() {
+            // Efforts of surplus drives are what acts.
+            let scale: f64 = robot.chain(j, |law| matches!(law, Law::EffortScale)).product();
+            acts.iter_mut().for_each(|x| *x /= scale);
+        }
+        let mut effort = if delay.abs() > 0.0 { advanced(&acts, delay, dt) } else { acts };
         if lag.abs() > 0.0 {
             let rate = derivative(&effort, dt);
             effort.iter_mut().zip(rate).for_each(|(e, r)| *e += lag * r);

@@ -256,11 +256,12 @@ fn force_on(work: &Work, data: &mut Data, link: usize, y: &DVector<f64>) -> (Vec
     let model = &work.robot.model;
     let frame = FrameOnBody { body: model.links[link].body, pose: model.links[link].pose };
     let jacobian = frame_jacobian(model, data, &frame, Reference::LocalWorldAligned).clone();
+    loops::drive_reduction(model, data);
     let n = model.n_act();
     let mut a = DMatrix::zeros(n, 3);
     for k in 0..n {
         for axis in 0..3 {
-            let sum: f64 = (0..model.nv()).map(|j| jacobian[(axis, j)] * data.reduction[(j, k)]).sum();
+            let sum: f64 = (0..model.nv()).map(|j| jacobian[(axis, j)] * data.drive_reduction[(j, k)]).sum();
             a[(k, axis)] = work.design.weight[k] * sum;
         }
     }

@@ -65,12 +65,6 @@ impl FineGrid {
         at(i) + share * (at(i + 1) - at(i))
     }
 
-    /// The same with standstill set to zero before the filter.
-    pub(crate) fn fine_cut(&self, raw: &[f64], still: &[bool]) -> Vec<f64> {
-        let cut: Vec<f64> = raw.iter().zip(still).map(|(x, still)| if *still { 0.0 } else { *x }).collect();
-        self.fine(&cut)
-    }
-
     /// Share of the variance of independent raw noise that a row has: of the noise itself, and of what rows would have if they were
     /// independent and told as much of it. The first is the filter's, the second is that of averages over the raw samples of a row.
     pub(crate) fn noise_gain(&self) -> [f64; 2] {

@@ -373,6 +373,10 @@ fn absorb_chain(work: &mut Work, band: f64) {
 }
 
 fn apply_increments(work: &mut Work, ids: &[ColumnId], theta: &faer::Mat<f64>) {
+    if work.design.is_shared() {
+        // A row is a sum over the chains of all drives: each stays the size of its own column.
+        return;
+    }
     for p in &work.picks {
         let c = &work.candidates[p.candidate];
         if c.effect.family() != Family::Chain {

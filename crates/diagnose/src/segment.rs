@@ -6,9 +6,9 @@
 use alloc::collections::BTreeMap;
 
 use pkm_dyn::effects::{Applied, Law, Robot};
-use pkm_dyn::math;
 use pkm_dyn::model::{Model, SensorKind};
-use pkm_ident::filter::{LowPass, derivative};
+use pkm_dyn::{Data, math};
+use pkm_ident::filter::{LowPass, advanced, derivative, lagged};
 use pkm_ident::grid::Grid;
 use pkm_ident::{Recording, spectrum};
 
@@ -147,6 +147,7 @@ fn raw(robot: &Robot, r: &Recording, kinds: &[Kind]) -> Result<Raw, InputError> 
         wrenches: Vec::new(),
         channels: Vec::new(),
     };
+    let is_shared = model.n_act() > Data::new(model).n_ind();
     for &j in &model.actuators {
         let name = &model.joints[j].name;
         let sensor = PositionSensor::of(robot, j);
@@ -167,9 +168,19 @@ fn raw(robot: &Robot, r: &Recording, kinds: &[Kind]) -> Result<Raw, InputError> 
         if let Some(tau) = out.tau.last_mut() {
             let most = largest_effort(robot, j);
             tau.iter_mut().for_each(|t| *t = t.clamp(-most, most));
+            if is_shared {
+                *tau = acting(robot, j, tau, out.grid.dt);
+            }
         }
     }
     wrenches(model, r, &mut out);
+    other_positions(robot, r, kinds, &mut out);
+    Ok(out)
+}
+
+/// Positions measured besides those that determine the motion.
+fn other_positions(robot: &Robot, r: &Recording, kinds: &[Kind], out: &mut Raw) {
+    let model = &robot.model;
     for &kind in kinds {
         let signal = channels::signal(model, r, kind);
         if let Some(signal) = signal {
@@ -177,10 +188,13 @@ fn raw(robot: &Robot, r: &Recording, kinds: &[Kind]) -> Result<Raw, InputError> 
                 *ok &= !missing;
             }
         }
-        let series = signal.map(|signal| out.grid.resample(&r.time, signal));
+        let mut series = signal.map(|signal| out.grid.resample(&r.time, signal));
+        if let (Kind::Surplus(k), Some(series)) = (kind, &mut series) {
+            let (sensor, dt) = (PositionSensor::of(robot, model.actuators[k]), out.grid.dt);
+            series.iter_mut().enumerate().for_each(|(i, q)| *q = sensor.true_position(*q, dt * i as f64));
+        }
         out.channels.push((kind, series));
     }
-    Ok(out)
 }
 
 /// Measured wrenches; a component that is not recorded is taken for zero.
@@ -239,6 +253,23 @@ fn largest_effort(robot: &Robot, j: usize) -> f64 {
     let zone: f64 = robot.chain(j, |law| matches!(law, Law::EffortDeadZone)).map(|w| 0.5 * w).sum();
     let recorded: f64 = robot.chain(j, |law| matches!(law, Law::CommandShare)).map(|share| 1.0 - share).product();
     recorded * (limit / scale + zone)
+}
+
+/// What acts at a drive while its recorded effort is `tau`, as far as the robot's files say what lies between. Surplus drives move the robot
+/// by what acts at all of them: their chains cannot be put on the model drive by drive.
+fn acting(robot: &Robot, j: usize, tau: &[f64], dt: f64) -> Vec<f64> {
+    let sum = |is: fn(&Law) -> bool| -> f64 { robot.chain(j, is).sum() };
+    let scale: f64 = robot.chain(j, |law| matches!(law, Law::EffortScale)).product();
+    let recorded: f64 = robot.chain(j, |law| matches!(law, Law::CommandShare)).map(|share| 1.0 - share).product();
+    let zone = 0.5 * sum(|law| matches!(law, Law::EffortDeadZone));
+    let (lag, delay) = (sum(|law| matches!(law, Law::EffortLag)), sum(|law| matches!(law, Law::EffortDelay)));
+    let mut out = if delay.abs() > 0.0 { advanced(tau, -delay, dt) } else { tau.to_vec() };
+    if lag > 0.0 {
+        out = lagged(&out, lag, dt);
+    }
+    let passes = |x: f64| math::sign(x) * (x.abs() - zone).max(0.0);
+    out.iter_mut().for_each(|x| *x = scale * passes(*x / recorded));
+    out
 }
 
 fn segment(raw: Raw, r: &Recording, used: Use, band: f64) -> Segment {

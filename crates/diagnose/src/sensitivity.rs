@@ -62,6 +62,21 @@ pub(crate) struct Here<'h> {
     pub(crate) v: &'h [f64],
     pub(crate) a: &'h [f64],
     pub(crate) effort: &'h [f64],
+    /// What surplus drives do to each other there; empty where there are none.
+    pub(crate) internal: &'h [f64],
+}
+
+/// Rigid effort at the motion in `data`, beside efforts of surplus drives that moved nothing at another pose: here they may.
+fn effort_beside(model: &Model, data: &mut Data, internal: &[f64]) {
+    rigid_effort(model, data);
+    if internal.is_empty() {
+        return;
+    }
+    loops::drive_jacobian(model, data);
+    for (k, tau) in data.tau_ind.iter_mut().enumerate() {
+        *tau -= data.drive_jacobian.column(k).iter().zip(internal).map(|(b, x)| b * x).sum::<f64>();
+    }
+    loops::distribute(model, data);
 }
 
 impl Knots {
@@ -88,6 +103,11 @@ impl Knots {
         Self { every, n_samples, is_rigid: vec![false; longer.len()], longer, at, channels, of_channels }
     }
 
+    /// Samples from knot to knot.
+    pub(crate) fn every(&self) -> usize {
+        self.every
+    }
+
     /// Whether sample `i` is a knot.
     pub(crate) fn is_knot(&self, i: usize) -> bool {
         i.is_multiple_of(self.every)
@@ -110,7 +130,7 @@ impl Knots {
                 if !closure.is_closed {
                     return Err(closure);
                 }
-                rigid_effort(model, data);
+                effort_beside(model, data, here.internal);
                 let Sensitivity { offset, rate, mass, .. } = &mut self.at;
                 let table = match kind {
                     0 => offset,
@@ -126,7 +146,7 @@ impl Knots {
         for (c, changed) in self.longer.iter().enumerate() {
             if !self.is_rigid[c] {
                 self.is_rigid[c] = !closed_loop_motion(changed, data, here.q, here.v, here.a).is_closed;
-                rigid_effort(changed, data);
+                effort_beside(changed, data, here.internal);
             }
             for k in 0..n {
                 let change = if self.is_rigid[c] { 0.0 } else { (data.tau_act[k] - here.effort[k]) / STEP };

@@ -87,6 +87,28 @@ pub struct HeldoutJoint {
     pub rms_final: f64,
 }
 
+/// Efforts with which surplus drives strain each other; they move nothing.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct InternalEffort {
+    /// The drives.
+    #[serde(rename = "where")]
+    pub place: Vec<String>,
+    /// rms over drives and samples.
+    pub rms: f64,
+    /// Largest at any drive.
+    pub peak: f64,
+    /// `N` or `N·m`.
+    pub unit: String,
+    /// Its rms over that of the measured efforts.
+    pub share: f64,
+    /// Share of its square that does not change with time.
+    pub steady_share: f64,
+    /// rms by which a drive's measured position differs from what the loops have for all drives together `[m | rad]`.
+    pub contradiction_rms: f64,
+    /// One sentence.
+    pub says: String,
+}
+
 /// A value with its 95 % interval and unit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
@@ -340,6 +362,9 @@ pub struct Verdict {
     /// Which effects these recordings could tell apart.
     #[serde(default, skip_serializing_if = "Isolability::is_empty")]
     pub isolability: Isolability,
+    /// What surplus drives were measured to do to each other; absent unless there are more drives than freedoms.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub internal_effort: Option<InternalEffort>,
     /// Path of the refined robot, beside the JSON; empty when none was written.
     pub refined_model: String,
     /// Reasons for `unusable` or `not_repeatable`, else a one-sentence summary.

@@ -303,7 +303,9 @@ impl<'w> Work<'w> {
     /// Makes the chain candidates' columns from the fitted models, one model per softness: (columns, coefficients, softness).
     pub(crate) fn refresh_chain(&mut self, models: &[(Vec<ColumnId>, Mat<f64>, usize)], band: f64) {
         let chain: Vec<usize> = (0..self.candidates.len()).filter(|&c| self.candidates[c].effect.family() == Family::Chain).collect();
-        for (ids, theta, softness) in models {
+        // Rows of surplus drives are sums over several chains: theirs are sought on clean rows only.
+        let alone = if self.design.is_shared() { &[] } else { models };
+        for (ids, theta, softness) in alone {
             for j in chain.iter().map(|&c| self.candidates[c].scope[0]) {
                 self.design.late[*softness][j] = self.late(j, ids, theta, *softness);
             }
@@ -440,7 +442,12 @@ fn register(ctx: &Context, design: &mut Design, motions: &[Motion], standard: &S
             }
             variants.retain(|v| v.columns.iter().any(|&c| design.joints_of(c).next().is_some()));
             if !variants.is_empty() || effect.family() == Family::Chain {
-                let Proposal { place, site, other, name, scope, .. } = proposal;
+                let Proposal { place, site, other, name, mut scope, .. } = proposal;
+                if design.is_shared() && scope.iter().any(|&j| j < design.n_drives) {
+                    // The drive itself stays first.
+                    let rest: Vec<usize> = (0..design.n_drives).filter(|j| !scope.contains(j)).collect();
+                    scope.extend(rest);
+                }
                 out.push(Candidate { effect, place, site, other, name, scope, variants });
             }
         }

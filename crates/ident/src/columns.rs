@@ -9,6 +9,7 @@
 
 use pkm_dyn::effects::{Applied, Energy, JointState, Law, Robot, Unit};
 use pkm_dyn::inverse_dynamics::actuated_regressor;
+use pkm_dyn::loops::drive_reduction;
 use pkm_dyn::model::Joint;
 use pkm_dyn::parameters::{InertialParameters, N_INERTIAL, NAMES, UNITS};
 use pkm_dyn::{Data, Model, math};
@@ -242,15 +243,22 @@ impl Columns {
 
     /// Writes the columns at the motion in `data` ([`pkm_dyn::inverse_dynamics::closed_loop_motion`]): `put(drive, column, value)`.
     ///
-    /// `direction` has one entry per tree joint, −1 to 1. Columns that are zero by structure are not put.
+    /// `direction` has one entry per tree joint, −1 to 1. Columns that are zero by structure are not put. Of more drives than freedoms a column
+    /// is what of it moves the robot ([`pkm_dyn::loops::drive_reduction`]): one drive's friction is then felt in the rows of all.
     pub fn fill(&self, model: &Model, data: &mut Data, direction: &[f64], put: &mut impl FnMut(usize, usize, f64)) {
         actuated_regressor(model, data);
+        drive_reduction(model, data);
         let n_act = model.n_act();
+        let is_shared = n_act > data.n_ind();
         // Effort that the nominal rigid robot transmits at the drives: some friction grows with it.
         let mut load = vec![0.0; if self.laws.is_empty() { 0 } else { n_act }];
         for (l, (body, to_body)) in self.bodies.iter().enumerate() {
             for k in 0..n_act {
-                let own = data.regressor.view((k, body * N_INERTIAL), (1, N_INERTIAL));
+                let mut own = [0.0; N_INERTIAL];
+                for (b, own) in own.iter_mut().enumerate() {
+                    let felt = data.regressor.column(body * N_INERTIAL + b);
+                    *own = if is_shared { data.distribution.row(k).iter().zip(felt.iter()).map(|(d, x)| d * x).sum() } else { felt[k] };
+                }
                 if own.iter().all(|x| x.abs() <= 0.0) {
                     continue;
                 }
@@ -288,7 +296,7 @@ impl Columns {
                 }
             };
             for k in 0..n_act {
-                let gain = data.reduction[(joint, k)];
+                let gain = data.drive_reduction[(joint, k)];
                 if gain.abs() > 0.0 {
                     put(k, c, gain * value);
                 }
@@ -296,7 +304,8 @@ impl Columns {
         }
     }
 
-    /// Effort of the effects that stay as the file states them, at the drives, into `out` `[N | N·m]`; `load` is the rigid effort there.
+    /// Effort of the effects that stay as the file states them, at the drives, into `out` `[N | N·m]`; `load` is the rigid effort there. Call
+    /// [`Columns::fill`] or [`pkm_dyn::loops::drive_reduction`] first.
     pub fn kept_effort(&self, model: &Model, data: &Data, direction: &[f64], load: &[f64], out: &mut [f64]) {
         out.fill(0.0);
         for e in &self.kept {
@@ -309,7 +318,7 @@ impl Columns {
             let state = JointState { q, v, a, sign: direction[j], load, viscous, coulomb, ..JointState::default() };
             let effort = law(&e.values, &state);
             for (k, out) in out.iter_mut().enumerate() {
-                *out += data.reduction[(j, k)] * effort;
+                *out += data.drive_reduction[(j, k)] * effort;
             }
         }
     }

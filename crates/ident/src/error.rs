@@ -68,16 +68,6 @@ pub enum InputError {
         /// Robot name.
         robot: String,
     },
-    /// More drives than freedoms.
-    #[error("{robot:?} has {drives} drives for {freedoms} degrees of freedom (they must be equal to identify)")]
-    Redundant {
-        /// Robot name.
-        robot: String,
-        /// Drives.
-        drives: usize,
-        /// Degrees of freedom.
-        freedoms: usize,
-    },
     /// An effect of the robot's files that no regression of efforts can have in it.
     #[error("robot {robot:?}: {effect} is not taken into account by an identification: take it out of the robot's file first")]
     Effect {
@@ -133,5 +123,15 @@ pub enum InputError {
         key: &'static str,
         /// What is wrong.
         detail: String,
+    },
+    /// More drives than freedoms, where each drive's own row is needed.
+    #[error("{robot:?} has {drives} drives for {freedoms} degrees of freedom (they must be equal to tell the drives' gains)")]
+    Redundant {
+        /// Robot name.
+        robot: String,
+        /// Drives.
+        drives: usize,
+        /// Degrees of freedom.
+        freedoms: usize,
     },
 }

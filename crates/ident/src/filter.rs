@@ -114,6 +114,21 @@ pub fn derivative(x: &[f64], dt: f64) -> Vec<f64> {
     d
 }
 
+/// A series behind a first-order lag with the time constant `lag` `[s]`, sampled at the period `dt` `[s]`, by the trapezoidal rule: it starts
+/// settled at its first value.
+#[must_use]
+pub fn lagged(x: &[f64], lag: f64, dt: f64) -> Vec<f64> {
+    let (stay, go) = ((2.0 * lag - dt) / (2.0 * lag + dt), dt / (2.0 * lag + dt));
+    let first = x.first().copied().unwrap_or(0.0);
+    let (mut last, mut state) = (first, first);
+    let step = |x: &f64| {
+        state = stay * state + go * (*x + last);
+        last = *x;
+        state
+    };
+    x.iter().map(step).collect()
+}
+
 /// The signal `shift` seconds later, by cubic interpolation; held at the ends.
 #[must_use]
 pub fn advanced(x: &[f64], shift: f64, dt: f64) -> Vec<f64> {

@@ -59,8 +59,12 @@ pub struct DriveGains {
 /// Gains of the drives of `robot` from recordings of which at least one states a load and at least one none, or another.
 ///
 /// # Errors
-/// Recordings that do not fit the robot.
+/// Recordings that do not fit the robot; more drives than freedoms, whose rows are sums over drives.
 pub fn drive_gains(robot: &Robot, recordings: &[Recording], rows: RowOptions) -> Result<DriveGains, InputError> {
+    let (drives, freedoms) = (robot.model.n_act(), pkm_dyn::Data::new(&robot.model).n_ind());
+    if drives > freedoms {
+        return Err(InputError::Redundant { robot: robot.model.name.clone(), drives, freedoms });
+    }
     let none = |note| DriveGains { status: Status::NotIdentified, notes: vec![note], gains: Vec::new() };
     let loaded = recordings.iter().filter(|r| r.meta.load.as_ref().is_some_and(|l| l.mass > 0.0)).count();
     if loaded == 0 {

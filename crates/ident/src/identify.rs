@@ -216,8 +216,9 @@ impl Work<'_, '_, '_> {
         let fit = self.fit(&set, &free)?;
         progress(0.3);
         let series = residual_series(self.observation, Rows::Fitted, &fit.direct)?;
-        let freedom = 1.0 - set.rank() as f64 / self.row_count().max(1) as f64;
-        let residuals: Vec<Residual> = series.iter().map(|s| Residual::of(s, freedom)).collect();
+        let shared = self.observation.drives_per_freedom();
+        let freedom = 1.0 - shared * set.rank() as f64 / self.row_count().max(1) as f64;
+        let residuals: Vec<Residual> = series.iter().map(|s| Residual::of(s, freedom).shared(shared)).collect();
         self.look_at_outliers(&series);
         progress(0.6);
         let sandwich = self.sandwich(&set, &fit, &residuals, freedom)?;

@@ -11,6 +11,7 @@ pub mod beside;
 pub mod columns;
 pub mod dataset;
 pub mod distributions;
+mod electronics;
 pub mod error;
 pub mod estimate;
 pub mod excitation;

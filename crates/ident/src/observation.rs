@@ -7,6 +7,10 @@
 //! While a joint stands its friction may be anything between its limits, so the equation of that drive does not hold there. Rows to fit on
 //! have effort and columns of a drive set to zero at such samples, before the filter: nothing of a stick leaks into its neighbours. Rows
 //! to judge on keep standstill.
+//!
+//! Of more drives than freedoms a row is what of the drives' efforts moves the robot ([`pkm_dyn::loops::drive_reduction`]): what they do to
+//! each other obeys whoever commands it, and no equation of motion. The rows of such drives share noise; [`Observation::drives_per_freedom`]
+//! is what that makes of intervals.
 
 use std::sync::OnceLock;
 
@@ -100,7 +104,7 @@ impl Block<'_> {
         self.z[drive][i]
     }
 
-    /// Measured effort in row `i` `[N | N·m]`.
+    /// Measured effort in row `i` `[N | N·m]`; of more drives than freedoms what of it moves the robot.
     #[must_use]
     pub fn effort(&self, drive: usize, i: usize) -> f64 {
         self.tau[drive][i]
@@ -215,6 +219,13 @@ impl<'r> Observation<'r> {
     #[must_use]
     pub fn band(&self) -> f64 {
         self.band
+    }
+
+    /// Drives per freedom: 1 unless there are more drives than freedoms.
+    #[must_use]
+    pub fn drives_per_freedom(&self) -> f64 {
+        let model = &self.robot.model;
+        model.n_act() as f64 / pkm_dyn::Data::new(model).n_ind().max(1) as f64
     }
 
     /// Number of folds that [`Block::fold`] counts.

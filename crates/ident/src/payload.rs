@@ -104,7 +104,10 @@ fn shown(observation: &Observation<'_>, set: &BaseSet, values: &[f64], noise: &[
     let columns = observation.columns();
     let mut theta = columns.nominal();
     theta.iter_mut().zip(scatter(values, &set.kept, columns.len())).for_each(|(x, d)| *x += d);
-    let residuals: Vec<Residual> = residual_series(observation, Rows::Fitted, &theta)?.iter().map(|s| Residual::of(s, 1.0)).collect();
+    let residuals: Vec<Residual> = residual_series(observation, Rows::Fitted, &theta)?
+        .iter()
+        .map(|s| Residual::of(s, 1.0).shared(observation.drives_per_freedom()))
+        .collect();
     let places: Vec<usize> = (0..set.rank()).collect();
     let n = places.len();
     let covariance =

@@ -248,7 +248,10 @@ impl Search<'_> {
         });
         let robot = self.with(x);
         let observation = Observation::try_new(&robot, self.pairs, self.rows)?;
-        let residuals: Vec<Residual> = residual_series(&observation, Rows::Fitted, &theta)?.iter().map(|s| Residual::of(s, 1.0)).collect();
+        let residuals: Vec<Residual> = residual_series(&observation, Rows::Fitted, &theta)?
+            .iter()
+            .map(|s| Residual::of(s, 1.0).shared(observation.drives_per_freedom()))
+            .collect();
         let colour = residuals.iter().map(Residual::colour).fold(1.0, f64::max);
         let critical = critical_95(residuals.iter().map(Residual::bandwidth).fold(0.0, f64::max));
         let inverse = bend.llt(Side::Lower).ok().map(|llt| llt.solve(Mat::<f64>::identity(n, n)));

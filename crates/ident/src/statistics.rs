@@ -83,6 +83,15 @@ impl Residual {
         }
     }
 
+    /// Of rows that share noise, more drives than freedoms projected onto the freedoms, `by` drives per freedom: the autocovariance is then
+    /// that of a drive, of which a row has a part, so that a sum over rows that are taken for independent has the spread it has. Exact where
+    /// all drives are alike in noise and in share.
+    #[must_use]
+    pub fn shared(mut self, by: f64) -> Self {
+        self.autocovariance.iter_mut().for_each(|c| *c *= by);
+        self
+    }
+
     /// How often normal noise would be as skewed or heavy-tailed as this, by the moments \[Jarque1980\]; coloured rows count as fewer.
     ///
     /// Asymptotic: with fewer than some 200 rows small values are a little too frequent.

@@ -2,14 +2,15 @@
 //!
 //! A window is long against the filter's memory and overlaps the next by twice that, so the seams do not show.
 
-use pkm_dyn::effects::{Law, Robot};
+use nalgebra::DMatrix;
 use pkm_dyn::inverse_dynamics::{closed_loop_motion, rigid_effort};
 use pkm_dyn::parameters::InertialParameters;
 use pkm_dyn::{Data, Model, loops, math};
 
 use crate::columns::Columns;
+use crate::electronics::{Electronics, acting, without};
 use crate::error::InputError;
-use crate::filter::{LowPass, advanced, derivative};
+use crate::filter::LowPass;
 use crate::motion::{Motion, Use, top_speed};
 use crate::observation::{BLOCKS, Block, Observation, Rows, Standstill};
 
@@ -75,46 +76,6 @@ fn standing(v: &[f64], dt: f64, band: f64) -> Vec<bool> {
     out
 }
 
-/// What the drive's electronics make of an effort: scale, lag and delay of the robot file.
-#[derive(Debug, Clone, Copy)]
-struct Electronics {
-    scale: f64,
-    lag: f64,
-    delay: f64,
-}
-
-impl Electronics {
-    fn of(robot: &Robot, j: usize) -> Self {
-        Self {
-            scale: robot.chain(j, |law| matches!(law, Law::EffortScale)).product(),
-            lag: robot.chain(j, |law| matches!(law, Law::EffortLag)).sum(),
-            delay: robot.chain(j, |law| matches!(law, Law::EffortDelay)).sum(),
-        }
-    }
-
-    /// What acts is what is recorded.
-    fn is_plain(&self) -> bool {
-        (self.scale - 1.0).abs() <= 0.0 && self.lag <= 0.0 && self.delay.abs() <= 0.0
-    }
-
-    /// The effort as it would be recorded while `x` acts, where that is another.
-    fn recorded(&self, x: &[f64], dt: f64) -> Option<Vec<f64>> {
-        if self.is_plain() {
-            return None;
-        }
-        let mut x = x.to_vec();
-        if self.lag > 0.0 {
-            let rate = derivative(&x, dt);
-            x.iter_mut().zip(rate).for_each(|(x, r)| *x += self.lag * r);
-        }
-        if self.delay.abs() > 0.0 {
-            x = advanced(&x, self.delay, dt);
-        }
-        x.iter_mut().for_each(|x| *x /= self.scale);
-        Some(x)
-    }
-}
-
 /// One pass over one recording.
 pub(crate) struct Walk<'o> {
     columns: &'o Columns,
@@ -124,6 +85,8 @@ pub(crate) struct Walk<'o> {
     model: Model,
     data: Data,
     electronics: Vec<Electronics>,
+    /// Of more drives than freedoms the efforts that act, [drive][sample].
+    tau: Option<Vec<Vec<f64>>>,
     still: Vec<Vec<bool>>,
     width: Vec<f64>,
     /// Parameters of known loads of this recording times their columns are taken off the effort.
@@ -144,9 +107,7 @@ impl<'o> Walk<'o> {
         let robot = o.robot();
         let model = model_for(&robot.model, motion)?;
         let data = Data::new(&model);
-        if data.n_ind() != model.n_act() {
-            return Err(InputError::Redundant { robot: model.name.clone(), drives: model.n_act(), freedoms: data.n_ind() });
-        }
+        let is_shared = model.n_act() > data.n_ind();
         let samples = |periods: f64| {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a ratio of two positive rates")]
             let n = (periods / (o.band() * motion.dt)).ceil() as usize;
@@ -168,7 +129,8 @@ impl<'o> Walk<'o> {
             index,
             rows,
             data,
-            electronics: model.actuators.iter().map(|&j| Electronics::of(robot, j)).collect(),
+            tau: is_shared.then(|| acting(robot, motion)),
+            electronics: model.actuators.iter().map(|&j| if is_shared { Electronics::none() } else { Electronics::of(robot, j) }).collect(),
             still: motion.v.iter().map(still).collect(),
             width: vec![0.0; model.nv()],
             load: load.collect(),
@@ -194,8 +156,9 @@ impl<'o> Walk<'o> {
         let q: Vec<f64> = self.motion.q.iter().map(|q| q[0]).collect();
         let _checked_by_run = loops::assemble(&self.model, &mut self.data);
         let _checked_by_run = loops::walk_to(&self.model, &mut self.data, &q);
+        loops::drive_reduction(&self.model, &mut self.data);
         for j in self.model.passive() {
-            let square: f64 = tops.iter().enumerate().map(|(k, top)| (self.data.reduction[(j, k)] * top).abs()).map(|x| x * x).sum();
+            let square: f64 = tops.iter().enumerate().map(|(k, top)| (self.data.drive_reduction[(j, k)] * top).abs()).map(|x| x * x).sum();
             self.width[j] = softness * math::sqrt(square);
         }
         self
@@ -243,8 +206,34 @@ impl<'o> Walk<'o> {
         Err(InputError::Open { recording, time, row: closure.row, gap: closure.gap, robot })
     }
 
+    /// Raw sample `i` into the window: of surplus drives what moves the robot, and of that what no standing drive has a part in.
+    fn store_shared(&mut self, i: usize) {
+        let (at, n_act, p) = (i - self.from, self.model.n_act(), self.columns.len());
+        let direction: Vec<f64> = self.data.v.iter().zip(&self.width).map(|(v, w)| soft_sign(*v, *w)).collect();
+        let known = self.known(&direction);
+        // Columns come as what moves the robot already; the rows of the drives in the reduction do that to the efforts.
+        let mut all = DMatrix::zeros(n_act, p + 2);
+        self.columns.fill(&self.model, &mut self.data, &direction, &mut |k, c, x| all[(k, c)] = x);
+        for k in 0..n_act {
+            let load: f64 = self.load.iter().enumerate().map(|(c, l)| l * all[(k, c)]).sum();
+            all[(k, p)] = known[k] + load;
+            all[(k, p + 1)] = self.tau.as_ref().map_or(&self.motion.tau, |tau| tau)[k][i];
+        }
+        let mut moves = DMatrix::from_fn(n_act, n_act, |k, j| self.data.drive_reduction[(self.model.actuators[k], j)]);
+        without(&mut moves, &mut (0..n_act).filter(|&k| self.still[k][i]));
+        let rows = moves * all;
+        for (k, series) in self.series.iter_mut().enumerate() {
+            (0..p + 2).for_each(|c| series[c][at] = rows[(k, c)]);
+            series[p + 2][at] = f64::from(u8::from(!self.still[k][i]));
+        }
+    }
+
     /// Raw sample `i` into the window.
     fn store(&mut self, i: usize) {
+        if self.tau.is_some() {
+            self.store_shared(i);
+            return;
+        }
         let at = i - self.from;
         let n_act = self.model.n_act();
         for series in self.series.iter_mut().flatten() {
@@ -279,6 +268,7 @@ impl<'o> Walk<'o> {
         let mut out = vec![0.0; self.model.n_act()];
         if self.columns.has_kept_effort() {
             rigid_effort(&self.model, &mut self.data);
+            loops::drive_reduction(&self.model, &mut self.data);
             let load = self.data.tau_act.clone();
             self.columns.kept_effort(&self.model, &self.data, direction, &load, &mut out);
         }

@@ -212,8 +212,6 @@ fn what_leaves_no_room_is_said_with_numbers() {
     }
     let text = told(&robot, &settings);
     assert!(text.contains("effort of q") && text.contains("limits -0.95") && !text.contains('\n'), "{text}");
-    let robot = shipped("ups4");
-    assert!(told(&robot, &settings).contains("4 drives for 3 degrees"), "{}", told(&robot, &settings));
     let robot = shipped("five_bar");
     for (settings, part) in [
         (Settings { period_s: f64::NAN, ..settings.clone() }, "period = NaN"),

@@ -78,6 +78,10 @@ pub struct Data {
     pub dependent: Vec<usize>,
     /// How the drives move with the independent coordinates, `v_act = drive_jacobian · v_ind`, drives × independent.
     pub drive_jacobian: DMatrix<f64>,
+    /// How the drives share efforts at the independent coordinates, `tau_act = distribution · tau_ind`, drives × independent.
+    pub distribution: DMatrix<f64>,
+    /// Motion of each joint of the tree per motion of each drive, nv × drives: `reduction · distributionᵀ`.
+    pub drive_reduction: DMatrix<f64>,
     /// Efforts of the drives that move nothing and only strain the robot, as orthonormal columns, drives × (drives − independent).
     pub internal_efforts: DMatrix<f64>,
     /// Columns of rotor inertia, viscous and Coulomb friction of every joint in the independent coordinates, independent × 3·nv.
@@ -154,6 +158,8 @@ impl Data {
             reduction,
             reduced_mass_matrix: DMatrix::zeros(n_ind, n_ind),
             drive_jacobian: DMatrix::zeros(n_act, n_ind),
+            distribution: DMatrix::zeros(n_act, n_ind),
+            drive_reduction: DMatrix::zeros(nv, n_act),
             internal_efforts: DMatrix::zeros(n_act, n_act.saturating_sub(n_ind)),
             friction_regressor: DMatrix::zeros(n_ind, 3 * nv),
             inertia_w: vec![Inertia::default(); nv],

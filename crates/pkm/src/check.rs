@@ -5,7 +5,7 @@ mod text;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{bail, ensure};
 use pkm_dyn::effects::Robot;
 use pkm_dyn::elimination::Elimination;
 use pkm_dyn::loops::{Closure, assemble, close_at, internal_efforts, mid_pose, mobility, walk_to};
@@ -122,32 +122,21 @@ fn assembled(model: &Model, data: &mut Data, file: &str) -> anyhow::Result<(Clos
     Ok((home, mobility))
 }
 
-/// Refuses a robot that cannot be assembled: no recording is to blame for that. One with more drives than freedoms is refused as well:
-/// what the drives do to each other cannot be told from their efforts yet.
+/// Refuses a robot that cannot be assembled, or whose drives do not hold every freedom: no recording is to blame for that.
 ///
 /// # Errors
 /// As `pkm check`; the line begins with `file`.
 pub(crate) fn must_assemble(model: &Model, file: &str) -> anyhow::Result<()> {
-    let (_, mobility) = assembled(model, &mut Data::new(model), file)?;
-    let drives = model.n_act();
-    ensure!(
-        mobility == drives,
-        "{file}: {mobility} degrees of freedom and {drives} drives (they must be equal to simulate it or diagnose its recordings)"
-    );
-    Ok(())
+    must_be_driven(model, file).map(|_| ())
 }
 
-/// As [`must_assemble`], but takes drives in surplus, and says how many there are.
+/// As [`must_assemble`], and says how many drives there are more than freedoms.
 ///
 /// # Errors
-/// As [`must_assemble`]; fewer drives than freedoms.
+/// As [`must_assemble`].
 pub(crate) fn must_be_driven(model: &Model, file: &str) -> anyhow::Result<usize> {
     let (_, mobility) = assembled(model, &mut Data::new(model), file)?;
-    let drives = model.n_act();
-    ensure!(mobility > 0, "{file}: no degree of freedom (nothing moves)");
-    drives.checked_sub(mobility).with_context(|| {
-        format!("{file}: {mobility} degrees of freedom and {drives} drives (there must be as many drives or more to simulate it)")
-    })
+    Ok(model.n_act().saturating_sub(mobility))
 }
 
 /// Constraint rows that say what other rows say already, at the pose in `data`.

@@ -100,11 +100,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let file = args.robot.display().to_string();
     let description = robot_file::read(&args.robot)?;
     let model = &description.robot.model;
-    // Surplus drives share efforts; encoders of theirs have a use only where sensors are simulated.
-    let surplus = match args.world.path() {
-        None => check::must_assemble(model, &file).map(|()| 0)?,
-        Some(_) => check::must_be_driven(model, &file)?,
-    };
+    let surplus = check::must_be_driven(model, &file)?;
     let concealed = hidden::Concealed::parse("--hide", &args.hide, model)?;
     let equipment = args.world.read(model, args.seed)?;
     let controller = args.controller.read(&description.robot)?;

@@ -3,13 +3,15 @@
 use pkm_dyn::Data;
 use pkm_dyn::effects::{JointState, Robot};
 use pkm_dyn::inverse_dynamics::inverse_dynamics;
-use pkm_dyn::loops::{assemble, walk_to};
+use pkm_dyn::loops::{assemble, drive_reduction, walk_to};
 use pkm_dyn::math;
 
+use crate::consistent::{Consistent, has_surplus_drives};
 use crate::error::SimError;
 use crate::plant::check;
 use crate::reference::{Reference, Sample};
 use crate::scenario::Scenario;
+use crate::trajectory::Trajectory;
 use pkm_ident::size::rms;
 
 /// Poses along one period.
@@ -25,7 +27,7 @@ pub(crate) struct NominalMotion {
     pub(crate) rigid: Vec<Vec<f64>>,
     /// Velocity of each tree joint `[m/s | rad/s]`.
     pub(crate) tree_velocity: Vec<Vec<f64>>,
-    /// Reduction: `reduction[joint][drive]`.
+    /// Motion of each joint per motion of each drive: `reduction[joint][drive]`.
     pub(crate) reduction: Vec<Vec<Vec<f64>>>,
 }
 
@@ -33,7 +35,19 @@ impl NominalMotion {
     /// Along the motion of the default scenario with the given seed.
     pub(crate) fn new(robot: &Robot, seed: u64) -> Result<Self, SimError> {
         let options = Scenario { seed, ..Scenario::default() }.reference_options();
-        let samples = Reference::draw(&robot.model, &options)?.one_period(POSES);
+        let drawn = Reference::draw(&robot.model, &options)?;
+        let samples = if has_surplus_drives(&robot.model) {
+            let step = drawn.period_s() / POSES as f64;
+            let whole = Consistent::try_new(&robot.model, Box::new(drawn))?;
+            let at = |i: usize| {
+                let mut sample = Sample::default();
+                whole.at(step * i as f64, &mut sample);
+                sample
+            };
+            (0..POSES).map(at).collect()
+        } else {
+            drawn.one_period(POSES)
+        };
         let offsets = vec![0.0; robot.model.n_act()];
         Self::along(robot, samples, &offsets)
     }
@@ -58,6 +72,7 @@ impl NominalMotion {
         for i in 0..out.samples.len() {
             let closure = inverse_dynamics(model, &mut data, &shifted(&out.samples[i]), &out.samples[i].v, &out.samples[i].a);
             check(&closure, 0.0)?;
+            drive_reduction(model, &mut data);
             out.append(robot, &data);
         }
         Ok(out)
@@ -68,7 +83,7 @@ impl NominalMotion {
         for j in 0..self.tree_velocity.len() {
             self.tree_velocity[j].push(data.v[j]);
             for k in 0..n {
-                self.reduction[j][k].push(data.reduction[(j, k)]);
+                self.reduction[j][k].push(data.drive_reduction[(j, k)]);
             }
         }
         for k in 0..n {
@@ -78,7 +93,7 @@ impl NominalMotion {
                     let viscous = robot.model.joints[j].viscous;
                     let [q, v, a] = [data.q[j], data.v[j], data.a[j]];
                     let state = JointState { q, v, a, sign: math::sign(v), load, viscous, ..JointState::default() };
-                    data.reduction[(j, k)] * robot.joint_effort(j, &state)
+                    data.drive_reduction[(j, k)] * robot.joint_effort(j, &state)
                 })
                 .sum();
             self.rigid[k].push(data.tau_act[k]);

@@ -4,6 +4,7 @@ use pkm_dyn::loops::{Closure, assemble, mid_pose, solve_positions, walk_to};
 use pkm_dyn::model::{JointKind, Limits, Model};
 use pkm_dyn::{Data, math};
 
+use crate::consistent::leading;
 use crate::error::SimError;
 use crate::random::{Random, Stream};
 
@@ -57,7 +58,8 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// Draws a motion about the middle of travel of `model` and shrinks it until loops close and limits are kept all along.
+    /// Draws a motion about the middle of travel of `model` and shrinks it until loops close and limits are kept all along. Of more drives
+    /// than freedoms it is one of the first ones, as many as there are freedoms; [`crate::Consistent`] takes the others along.
     ///
     /// # Errors
     /// Options out of range, or a robot on which even the smallest motion fails.
@@ -71,6 +73,7 @@ impl Reference {
             }
         }
         let mut random = Random::new(options.seed, Stream::Reference);
+        let model = &leading(model);
         let centre = mid_pose(model);
         let omega = 2.0 * core::f64::consts::PI / options.period_s;
         let mut motion = Self { sine: Vec::new(), cosine: Vec::new(), omega, centre: centre.clone() };

@@ -13,6 +13,7 @@ use pkm_dyn::effects::Robot;
 use pkm_dyn::model::Model;
 use pkm_ident::Recording;
 
+use crate::consistent::{Consistent, has_surplus_drives};
 use crate::dae::{ConstrainedOptions, ConstrainedPlant};
 use crate::error::SimError;
 use crate::laws::ForeignLaw;
@@ -35,7 +36,8 @@ const TOLD_S: f64 = 0.1;
 /// Which plant moves the true robot.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum PlantKind {
-    /// The reduced one where it is right, the constrained one where an effect has states or freedoms of its own ([`needs_states`]).
+    /// The reduced one where it is right, the constrained one where an effect has states or freedoms of its own ([`needs_states`]) or where
+    /// there are more drives than freedoms.
     #[default]
     Auto,
     /// [`ReducedPlant`].
@@ -90,7 +92,9 @@ impl PlantKind {
                 }
                 return Ok(Box::new(plant));
             }
-            Self::Auto if needs_states(truth) || !laws.is_empty() => ConstrainedOptions { seed, ..ConstrainedOptions::default() },
+            Self::Auto if needs_states(truth) || has_surplus_drives(&truth.model) || !laws.is_empty() => {
+                ConstrainedOptions { seed, ..ConstrainedOptions::default() }
+            }
             Self::Auto | Self::Reduced => {
                 let mut plant = ReducedPlant::try_new(truth.clone(), start)?;
                 if is_moving {
@@ -207,10 +211,14 @@ impl<'r> Setup<'r> {
 pub fn run(truth: &Robot, nominal: &Robot, scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Recording, SimError> {
     scenario.check()?;
     same_mechanism(&truth.model, &nominal.model)?;
-    let reference = Reference::draw(&nominal.model, &scenario.reference_options())?;
+    let drawn = Reference::draw(&nominal.model, &scenario.reference_options())?;
+    let reference: Box<dyn Trajectory + '_> = match has_surplus_drives(&nominal.model) {
+        true => Box::new(Consistent::try_new(&nominal.model, Box::new(drawn))?),
+        false => Box::new(drawn),
+    };
     let share = |t: f64| (t / scenario.duration_s).min(1.0);
     let mut last = 0.0;
-    let recording = run_along([truth, nominal], scenario, &reference, &mut |t| {
+    let recording = run_along([truth, nominal], scenario, reference.as_ref(), &mut |t| {
         if t <= 0.0 || t - last >= TOLD_S {
             last = t;
             progress(share(t));

@@ -4,6 +4,7 @@ use pkm_dyn::loops::mid_pose;
 use pkm_dyn::math;
 use pkm_dyn::model::Model;
 
+use crate::consistent::leading;
 use crate::error::SimError;
 use crate::random::{Random, Stream};
 use crate::reference::{ATTEMPTS, SHRINK, SPEED_SHARE, Sample, half_travel};
@@ -62,12 +63,13 @@ pub struct Shaped {
 
 impl Shaped {
     /// Draws the points by `seed` and shrinks the motion until limits are kept and loops close for `duration_s` `[s]`; `amplitude` is
-    /// the share of the travel that may be used, 0 to 1.
+    /// the share of the travel that may be used, 0 to 1. Surplus drives are left to [`crate::Consistent`].
     ///
     /// # Errors
     /// Numbers out of range, or a robot on which even the smallest motion fails.
     pub fn draw(model: &Model, shape: Shape, duration_s: f64, amplitude: f64, seed: u64) -> Result<Self, SimError> {
         check_numbers(shape, duration_s, amplitude)?;
+        let model = &leading(model);
         let mut random = Random::new(seed, Stream::Reference);
         let n_levels = match shape {
             Shape::MinimumJerk { period_s } | Shape::Step { period_s } => number(duration_s / period_s) + 2,

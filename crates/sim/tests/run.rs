@@ -7,14 +7,15 @@ use pkm_dyn::loops::{assemble, walk_to};
 use pkm_dyn::math::sign;
 use pkm_dyn::urdf::{Description, parse};
 use pkm_ident::Recording;
-use pkm_sim::{Scenario, SimError, describe, draw, run};
+use pkm_sim::{PlantKind, Scenario, SimError, describe, draw, run};
 
 fn description(name: &str) -> Description {
     let robot = pkm_robots::find(name).expect("a shipped robot");
     parse(robot.toml, robot.urdf, [robot.toml_name, robot.urdf_name]).expect("shipped robots load")
 }
 
-/// Shipped robots with as many drives as freedoms; the one with more is refused (`more_drives_than_freedoms_are_refused`).
+/// Shipped robots with as many drives as freedoms; the one with more wants another plant
+/// (`more_drives_than_freedoms_want_the_constrained_plant_and_get_it`).
 fn runnable() -> impl Iterator<Item = &'static pkm_robots::Shipped> {
     pkm_robots::ALL.iter().filter(|robot| robot.name != "ups4")
 }
@@ -244,10 +245,17 @@ fn an_effort_recorded_late_is_a_delay_with_a_negative_number() {
 }
 
 #[test]
-fn more_drives_than_freedoms_are_refused() {
+fn more_drives_than_freedoms_want_the_constrained_plant_and_get_it() {
     let robot = description("ups4").robot;
-    let refused = run(&robot, &robot, &short(), &mut |_| {}).expect_err("four drives for three freedoms");
+    let reduced = Scenario { plant: PlantKind::Reduced, ..short() };
+    let refused = run(&robot, &robot, &reduced, &mut |_| {}).expect_err("four drives for three freedoms");
     assert!(matches!(refused, SimError::Mobility { mobility: 3, drives: 4, .. }), "{refused}");
+    let recording = run(&robot, &robot, &short(), &mut |_| {}).expect("the constrained plant has them");
+    for joint in ["l1", "l2", "l3", "l4"] {
+        let (q, q_ref) = (column(&recording, "q", joint), column(&recording, "q_ref", joint));
+        let error = rms(q.iter().zip(q_ref).map(|(a, b)| a - b));
+        assert!(error < 0.05 * rms(q_ref.iter().map(|x| x - q_ref[0])), "{joint}: {error}");
+    }
 }
 
 #[test]

@@ -11,6 +11,7 @@ mod dead_zone;
 mod directional_efficiency;
 mod encoder_eccentricity;
 mod encoder_offset;
+pub(crate) mod external_force;
 mod friction_asymmetric;
 mod friction_coulomb;
 mod friction_load;
@@ -80,6 +81,7 @@ pub(crate) const ALL: &[&dyn Columns] = &[
     &structure_flexibility::Effect,
     &limb_impedance::Effect,
     &contact::Effect,
+    &external_force::Effect,
     &active_limb::Effect,
     &sensor_drift::Effect,
     &controller_mismatch::Effect,

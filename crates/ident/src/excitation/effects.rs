@@ -86,7 +86,7 @@ impl Effect {
                 let state = state_of(seen, data, *joint, *other);
                 let effort = law(&self.values, &state);
                 for (k, out) in out.iter_mut().enumerate() {
-                    let through = data.reduction[(*joint, k)] + other.map_or(0.0, |o| data.reduction[(o, k)]);
+                    let through = data.drive_reduction[(*joint, k)] + other.map_or(0.0, |o| data.drive_reduction[(o, k)]);
                     *out = through * effort;
                 }
             }
@@ -101,7 +101,11 @@ impl Effect {
                     seen.columns.fill(model, data, seen.signs, &mut add);
                 }
             }
-            Acting::Share { drive, share } => out[*drive] = share * seen.effort[*drive],
+            Acting::Share { drive, share } => {
+                // A drive's own row is the first of all that it shares with others.
+                let joint = model.actuators[*drive];
+                out.iter_mut().enumerate().for_each(|(k, out)| *out = share * data.drive_reduction[(joint, k)] * seen.effort[*drive]);
+            }
         }
     }
 }

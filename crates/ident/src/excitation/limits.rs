@@ -6,6 +6,7 @@ use pkm_dyn::workspace::{Cone, cones};
 use pkm_dyn::{Data, Model};
 
 use super::ExciteError;
+use super::mechanism::leading;
 
 /// Travel to each side where the robot file states none `[m]` or `[rad]`.
 const UNSTATED: [f64; 2] = [0.05, 0.5];
@@ -130,8 +131,11 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    pub(super) fn try_new(model: &Model, limits: &Limits) -> Result<Self, ExciteError> {
+    /// Of more drives than freedoms the first ones are bounded as drives, the others as joints that they move.
+    pub(super) fn try_new(whole: &Model, limits: &Limits) -> Result<Self, ExciteError> {
         check(limits)?;
+        let leading = leading(whole);
+        let model = leading.as_ref().unwrap_or(whole);
         let mut data = Data::new(model);
         let home = assemble(model, &mut data);
         if !home.is_closed {
@@ -146,7 +150,7 @@ impl Bounds {
             centre = model.actuators.iter().map(|&j| at_home[j]).collect();
         }
         let drives = model.actuators.iter().zip(&centre).map(|(&j, &c)| of_drive(model, limits, j, c)).collect();
-        let robot = of_robot(model, limits, cones.len());
+        let robot = of_robot([model, whole], limits, cones.len());
         Ok(Self { centre, tree: data.q, drives, robot, cones })
     }
 
@@ -190,7 +194,8 @@ fn of_drive(model: &Model, limits: &Limits, j: usize, centre: f64) -> [Bound; 3]
     [position, velocity, symmetric(Bounded::Acceleration, limits.acceleration.unwrap_or(f64::INFINITY))]
 }
 
-fn of_robot(model: &Model, limits: &Limits, n_cones: usize) -> Vec<Bound> {
+/// `whole` has all the drives.
+fn of_robot([model, whole]: [&Model; 2], limits: &Limits, n_cones: usize) -> Vec<Bound> {
     let mut out = Vec::new();
     let passive: Vec<usize> = if model.is_constrained() { model.passive() } else { Vec::new() };
     for &j in &passive {
@@ -203,7 +208,7 @@ fn of_robot(model: &Model, limits: &Limits, n_cones: usize) -> Vec<Bound> {
             out.push(Bound { what: Bounded::Velocity, place: j, lower: -most, upper: most });
         }
     }
-    for (k, &j) in model.actuators.iter().enumerate() {
+    for (k, &j) in whole.actuators.iter().enumerate() {
         let most = limits.share * model.joints[j].limits.effort;
         if most > 0.0 && most.is_finite() {
             out.push(Bound { what: Bounded::Effort, place: k, lower: -most, upper: most });

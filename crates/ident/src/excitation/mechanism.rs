@@ -4,7 +4,7 @@ use pkm_dyn::effects::Robot;
 use pkm_dyn::inverse_dynamics::closed_loop_motion;
 use pkm_dyn::loops::walk_to;
 use pkm_dyn::svd::Svd;
-use pkm_dyn::{Data, math};
+use pkm_dyn::{Data, Model, math};
 
 use super::basis::{DriveState, dot};
 use super::effects::{Effect, Seen};
@@ -37,6 +37,8 @@ pub(super) struct Mechanism<'r> {
     /// Inertial and rotor columns come first.
     n_rigid: usize,
     data: Data,
+    /// Of more drives than freedoms the robot with the first of them, as many as there are freedoms: their motion is what is looked for.
+    leading: Option<(Model, Data)>,
     tree: Vec<f64>,
     /// Room for the constraints with respect to the dependent joints, and their smallest singular value in the middle of the travel.
     svd: Svd,
@@ -68,11 +70,20 @@ impl<'r> Mechanism<'r> {
         let n_rigid = columns.list.iter().take_while(|p| matches!(p.quantity, Quantity::Inertial { .. } | Quantity::Rotor { .. })).count();
         let mut data = Data::new(model);
         data.q.copy_from_slice(&bounds.tree);
-        let _closed_before = walk_to(model, &mut data, &bounds.centre);
+        let centre: Vec<f64> = model.actuators.iter().map(|&j| bounds.tree[j]).collect();
+        let _closed_before = walk_to(model, &mut data, &centre);
+        let leading = leading(model).map(|model| {
+            let mut data = Data::new(&model);
+            data.q.copy_from_slice(&bounds.tree);
+            let _closed_before = walk_to(&model, &mut data, &bounds.centre);
+            (model, data)
+        });
+        let reduction = leading.as_ref().map_or(&data.reduction, |(_, data)| &data.reduction);
         let width = |j: usize| {
-            let square: f64 = speed.iter().enumerate().map(|(k, s)| data.reduction[(j, k)] * s).map(|x| x * x).sum();
+            let square: f64 = speed.iter().enumerate().map(|(k, s)| reduction[(j, k)] * s).map(|x| x * x).sum();
             SOFTNESS * math::sqrt(square)
         };
+        let width: Vec<f64> = (0..model.nv()).map(width).collect();
         let mut svd = Svd::new(data.loop_jacobian.nrows(), data.dependent.len());
         let held = distance(&mut svd, &data);
         Self {
@@ -82,8 +93,9 @@ impl<'r> Mechanism<'r> {
             effects,
             theta: columns.nominal(),
             n_rigid,
-            width: (0..model.nv()).map(width).collect(),
+            width,
             data,
+            leading,
             tree: bounds.tree.clone(),
             svd,
             held,
@@ -101,6 +113,11 @@ impl<'r> Mechanism<'r> {
         self.kept.len() + self.effects.len()
     }
 
+    /// Drives that [`Mechanism::rows`] are of: of those in surplus nothing but a row is looked for.
+    pub(super) fn n_drives(&self) -> usize {
+        self.full.len()
+    }
+
     /// Effects among them.
     pub(super) fn n_effects(&self) -> usize {
         self.effects.len()
@@ -109,7 +126,26 @@ impl<'r> Mechanism<'r> {
     /// Goes from the middle of the travel to drives' positions `q`, so that the branch of the loops is kept; whether it can.
     pub(super) fn go(&mut self, q: &[f64]) -> bool {
         self.data.q.copy_from_slice(&self.tree);
-        walk_to(&self.robot.model, &mut self.data, q).is_closed
+        let Some((model, data)) = &mut self.leading else { return walk_to(&self.robot.model, &mut self.data, q).is_closed };
+        data.q.copy_from_slice(&self.tree);
+        let is_closed = walk_to(model, data, q).is_closed;
+        self.data.q.copy_from_slice(&data.q);
+        is_closed
+    }
+
+    /// The robot's motion at `state`, into `data`; whether the loops close there.
+    fn moves(&mut self, state: &DriveState) -> bool {
+        let model = &self.robot.model;
+        let Some((lead, led)) = &mut self.leading else {
+            return closed_loop_motion(model, &mut self.data, &state.q, &state.v, &state.a).is_closed;
+        };
+        led.q.copy_from_slice(&self.data.q);
+        if !closed_loop_motion(lead, led, &state.q, &state.v, &state.a).is_closed {
+            return false;
+        }
+        let whole = of_drives(model, led);
+        self.data.q.copy_from_slice(&led.q);
+        closed_loop_motion(model, &mut self.data, &whole.q, &whole.v, &whole.a).is_closed
     }
 
     /// Tree coordinates now.
@@ -124,11 +160,10 @@ impl<'r> Mechanism<'r> {
 
     /// Fills rows and values at `state`, from a pose nearby; whether the loops close there.
     pub(super) fn look(&mut self, state: &DriveState, bounds: &Bounds, direction: Direction) -> bool {
-        let model = &self.robot.model;
-        let closure = closed_loop_motion(model, &mut self.data, &state.q, &state.v, &state.a);
-        if !closure.is_closed {
+        if !self.moves(state) {
             return false;
         }
+        let model = &self.robot.model;
         let sign = |(v, w): (&f64, &f64)| match direction {
             Direction::Sharp => math::sign(*v),
             Direction::Smooth => math::tanh(*v / w.max(f64::MIN_POSITIVE)),
@@ -175,6 +210,22 @@ impl<'r> Mechanism<'r> {
             };
         }
     }
+}
+
+/// Of more drives than freedoms the robot with as many drives as it has freedoms, the first ones; otherwise none.
+pub(super) fn leading(model: &Model) -> Option<Model> {
+    let freedoms = Data::new(model).n_ind();
+    (freedoms < model.n_act()).then(|| {
+        let mut out = model.clone();
+        out.actuators.truncate(freedoms);
+        out
+    })
+}
+
+/// The motion of all drives of `model` in the tree's motion in `data`.
+pub(super) fn of_drives(model: &Model, data: &Data) -> DriveState {
+    let of = |x: &[f64]| model.actuators.iter().map(|&j| x[j]).collect();
+    DriveState { q: of(&data.q), v: of(&data.v), a: of(&data.a) }
 }
 
 /// Smallest singular value of the constraints with respect to the dependent joints, in SI units: zero where locked drives do not hold the

@@ -30,6 +30,8 @@ pub use verify::{Margin, Quality, conditions};
 
 use faer::Mat;
 use pkm_dyn::effects::{Applied, Robot};
+use pkm_dyn::inverse_dynamics::closed_loop_motion;
+use pkm_dyn::loops::{assemble, walk_to};
 use pkm_dyn::{Model, math};
 
 use crate::Recording;
@@ -41,7 +43,7 @@ use crate::grouping::{BaseSet, Choice, structural_factor, well_conditioned};
 use draw::Draw;
 use effects::{Effect, is_of};
 use limits::{Bound, Bounds};
-use mechanism::{Direction, Mechanism};
+use mechanism::{Direction, Mechanism, leading, of_drives};
 use problem::Problem;
 use search::{DENSER, INSIDE, Run, Search};
 
@@ -116,16 +118,6 @@ pub enum ExciteError {
         gap: f64,
         /// Its constraint row.
         row: usize,
-    },
-    /// More drives than freedoms.
-    #[error("{robot:?} has {drives} drives for {freedoms} degrees of freedom (they must be equal to identify)")]
-    Redundant {
-        /// Robot name.
-        robot: String,
-        /// Drives.
-        drives: usize,
-        /// Degrees of freedom.
-        freedoms: usize,
     },
     /// Not even 1 % of the travel is admissible.
     #[error("no motion of {robot:?} keeps the limits: even the smallest one drawn does not: {reason}")]
@@ -254,12 +246,30 @@ impl Excitation {
         })
     }
 
+    /// The motion of all drives; surplus ones go where the loops take them, and have no numbers where these do not close.
+    fn states(&self, model: &Model, samples: usize, rate_hz: f64) -> Vec<DriveState> {
+        let led = (0..samples).map(|i| self.motion.at(i as f64 / rate_hz));
+        let Some(leading) = leading(model) else { return led.collect() };
+        let mut data = pkm_dyn::Data::new(&leading);
+        let none = || vec![f64::NAN; model.n_act()];
+        let mut is_placed = assemble(&leading, &mut data).is_closed;
+        let mut whole = |(i, s): (usize, DriveState)| {
+            is_placed &= i > 0 || walk_to(&leading, &mut data, &s.q).is_closed;
+            if is_placed && closed_loop_motion(&leading, &mut data, &s.q, &s.v, &s.a).is_closed {
+                of_drives(model, &data)
+            } else {
+                DriveState { q: none(), v: none(), a: none() }
+            }
+        };
+        led.enumerate().map(&mut whole).collect()
+    }
+
     /// The motion as a file has it: references of position, velocity and acceleration of every drive of `model` (the robot that it was
     /// found for), `samples` of them at `rate_hz` `[Hz]`; see [`samples`].
     #[must_use]
     pub fn recording(&self, model: &Model, samples: usize, rate_hz: f64) -> Recording {
         let mut out = Recording { name: format!("{}, excitation", self.robot), ..Recording::default() };
-        let states: Vec<DriveState> = (0..samples).map(|i| self.motion.at(i as f64 / rate_hz)).collect();
+        let states = self.states(model, samples, rate_hz);
         out.time = (0..samples).map(|i| i as f64 / rate_hz).collect();
         for (k, &j) in model.actuators.iter().enumerate() {
             let name = &model.joints[j].name;
@@ -285,10 +295,6 @@ impl Excitation {
 pub fn excite(robot: &Robot, settings: &Settings, progress: &(dyn Fn(f64) + Sync)) -> Result<Excitation, ExciteError> {
     check(settings)?;
     let model = &robot.model;
-    let freedoms = pkm_dyn::Data::new(model).n_ind();
-    if freedoms != model.n_act() {
-        return Err(ExciteError::Redundant { robot: model.name.clone(), drives: model.n_act(), freedoms });
-    }
     let columns = Columns::new(robot);
     let among = among(robot, &columns, settings);
     let effects = settings.effects.iter().map(|e| Effect::try_new(robot, &columns, e)).collect::<Result<Vec<_>, _>>()?;

@@ -186,7 +186,7 @@ impl Problem {
         let mut barrier = self.drives(&coefficients, stage, &mut by_coefficient)?;
         let n = self.n_samples();
         let per_sample = stage.barrier / n as f64;
-        let (p, n_act) = (self.n_judged(mechanism), coefficients.len());
+        let (p, n_act, n_led) = (self.n_judged(mechanism), mechanism.n_drives(), coefficients.len());
         let stride = mechanism.n_columns();
         let mut w = Mat::<f64>::zeros(n * n_act, p);
         let (mut trees, mut pulls) = (Vec::with_capacity(n), Vec::with_capacity(n));
@@ -217,7 +217,7 @@ impl Problem {
                 let state = self.table.state(i, &coefficients);
                 let weight = |k: usize, c: usize| weights[(i * n_act + k, c)];
                 self.sample(mechanism, &state, &weight, &pulls[i]).into_iter().enumerate().for_each(|(input, slope)| {
-                    let (order, k) = (input / n_act, input % n_act);
+                    let (order, k) = (input / n_led, input % n_led);
                     by_coefficient[k].iter_mut().zip(&self.table.0[i][order]).for_each(|(s, b)| *s += slope * b);
                 });
             }
@@ -234,7 +234,8 @@ impl Problem {
 
     /// Slope of one sample's share with respect to positions, velocities and accelerations of the drives.
     fn sample(&self, mechanism: &mut Mechanism<'_>, state: &DriveState, weight: &dyn Fn(usize, usize) -> f64, pull: &[f64]) -> Vec<f64> {
-        let (n_act, p, stride) = (state.q.len(), self.n_judged(mechanism), mechanism.n_columns());
+        let (n_act, n_led) = (mechanism.n_drives(), state.q.len());
+        let (p, stride) = (self.n_judged(mechanism), mechanism.n_columns());
         // A distance without a pull needs no decomposition.
         let distance = self.bounds.robot.iter().zip(pull).find(|(b, _)| b.what == Bounded::Singularity);
         mechanism.is_distance_wanted = distance.is_some_and(|(_, pull)| pull.abs() > 0.0);
@@ -247,9 +248,9 @@ impl Problem {
             columns + dot(pull, &mechanism.values)
         };
         let here = share(state);
-        let mut out = Vec::with_capacity(3 * n_act);
+        let mut out = Vec::with_capacity(3 * n_led);
         for order in 0..3 {
-            for k in 0..n_act {
+            for k in 0..n_led {
                 let step = STEP * self.usual[k][order];
                 let mut moved = state.clone();
                 [&mut moved.q, &mut moved.v, &mut moved.a][order][k] += step;

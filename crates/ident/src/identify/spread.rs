@@ -60,7 +60,8 @@ impl Work<'_, '_, '_> {
             Spread::Cut(loss) => {
                 let series = residual_series(self.observation, Rows::Fitted, &fit.direct)?;
                 let (cut, bend) = loss.cut(&series, &fit.noise, freedom);
-                let left: Vec<Residual> = cut.iter().map(|s| Residual::of(s, freedom)).collect();
+                let left: Vec<Residual> =
+                    cut.iter().map(|s| Residual::of(s, freedom).shared(self.observation.drives_per_freedom())).collect();
                 let say = |(k, noise): (usize, &f64)| {
                     Say::weighted(*noise).filter(|_| self.usable[k]).map(|s| Say { bend: bend[k] * s.bend, ..s })
                 };

@@ -66,6 +66,60 @@ pub(crate) fn fitted(model: &Model, data: &mut Data, x_act: &[f64]) -> bool {
     is_sound
 }
 
+/// `D` with `tau_act = D·tau_ind` at the pose of the last [`crate::loops::solve_positions`], drives × independent: `data.distribution`.
+///
+/// Of more drives than freedoms `D = B·(Bᵀ·B)⁻¹`, the smallest efforts ([`distribute`]); zero where the drives do not hold every freedom.
+/// The identity where the drives are the independent coordinates.
+pub fn distribution<'d>(model: &Model, data: &'d mut Data) -> &'d DMatrix<f64> {
+    if model.n_act() <= data.n_ind() {
+        for (i, drive) in model.actuators.iter().enumerate() {
+            for (k, j) in data.independent.iter().enumerate() {
+                data.distribution[(i, k)] = f64::from(u8::from(drive == j));
+            }
+        }
+        return &data.distribution;
+    }
+    let is_sound = gram(model, data);
+    let Data { gram, scratch, drive_jacobian, distribution, .. } = data;
+    let (n, n_ind) = drive_jacobian.shape();
+    let x = &mut scratch[..n_ind];
+    for i in 0..n {
+        for (k, x) in x.iter_mut().enumerate() {
+            *x = if is_sound { drive_jacobian[(i, k)] } else { 0.0 };
+        }
+        if is_sound {
+            small::solve(gram, x);
+        }
+        for (k, x) in x.iter().enumerate() {
+            distribution[(i, k)] = *x;
+        }
+    }
+    &data.distribution
+}
+
+/// `R = G·Dᵀ` at the pose of the last [`crate::loops::solve_positions`], nv × drives: motion of each joint of the tree per motion of each
+/// drive, and by `Rᵀ·tau` the effort of each drive under efforts of the tree: `data.drive_reduction`, [`distribution`] beside it.
+///
+/// The reduction itself where the drives are the independent coordinates. Of more drives than freedoms a drive's motion moves the others
+/// in the least-squares sense, and the rows of the drives are `P = B·(Bᵀ·B)⁻¹·Bᵀ`, which keeps what moves the robot of the drives'
+/// efforts and takes [`internal_efforts`] away.
+pub fn drive_reduction<'d>(model: &Model, data: &'d mut Data) -> &'d DMatrix<f64> {
+    distribution(model, data);
+    let Data { reduction, distribution, drive_reduction, .. } = data;
+    drive_reduction.fill(0.0);
+    for i in 0..distribution.nrows() {
+        for k in 0..distribution.ncols() {
+            let share = distribution[(i, k)];
+            if share.abs() > 0.0 {
+                for j in 0..reduction.nrows() {
+                    drive_reduction[(j, i)] += reduction[(j, k)] * share;
+                }
+            }
+        }
+    }
+    &data.drive_reduction
+}
+
 /// Efforts of the drives that move nothing, `Bᵀ·tau_act = 0`, as orthonormal columns, drives × (drives − freedoms):
 /// `data.internal_efforts`. The largest entry of a column is positive.
 ///

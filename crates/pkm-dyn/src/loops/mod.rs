@@ -11,7 +11,7 @@ mod singularity;
 mod solve;
 mod wrench;
 
-pub use actuation::{distribute, drive_jacobian, internal_efforts};
+pub use actuation::{distribute, distribution, drive_jacobian, drive_reduction, internal_efforts};
 pub(crate) use gap::Path;
 pub use gap::{loop_drift, loop_gap};
 pub use guide::{Coordinate, Guide};
