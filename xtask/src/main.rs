@@ -18,6 +18,7 @@ cargo xtask bench [ARGS ...]  the benches; arguments go to criterion (`-- --quic
 cargo xtask peers [ARGS ...]  pkm-dyn and Pinocchio's C++ in one run, into benches/README.md (`--rounds N`)
 cargo xtask slicot [N]        μ beside SLICOT's AB13MD on N problems in one run, into benches/README.md
 cargo xtask identify-peers [N]  identification beside Pinocchio, scipy and cvxpy, best of N rounds, into benches/README.md
+cargo xtask prove-baselines DIR [NAME ...]  other methods on the blind trials that `pkm prove` made in DIR, scored beside the diagnosis
 cargo xtask wheel             the Python wheel, optimised, into target/wheels/
 cargo xtask golden            the golden files of tests/, anew, with Pinocchio
 
@@ -32,6 +33,7 @@ fn main() -> ExitCode {
         Some("peers") => peers::peers(&rest),
         Some("slicot") => peers::slicot(&rest),
         Some("identify-peers") => peers::identify(&rest),
+        Some("prove-baselines") => peers::prove_baselines(&rest),
         Some("long") => chores::long(&rest),
         Some("wheel") => none(&rest).and_then(|()| chores::wheel()),
         Some("golden") => none(&rest).and_then(|()| chores::golden()),
