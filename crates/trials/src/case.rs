@@ -115,8 +115,7 @@ impl Wish {
         let mut random = Stream::new(seed, number, "wish");
         let turn: Vec<Level> = Level::TURN.into_iter().filter(|l| design.levels.is_empty() || design.levels.contains(l)).collect();
         // One further after every full turn of levels and robots: all pairs come about.
-        let names: Vec<&str> =
-            if design.robots.is_empty() { ROBOTS.to_vec() } else { design.robots.iter().map(String::as_str).collect() };
+        let names: Vec<&str> = if design.robots.is_empty() { ROBOTS.to_vec() } else { design.robots.iter().map(String::as_str).collect() };
         let robot = names[usize::try_from((number + number / 60) % names.len() as u64).unwrap_or(0)];
         let level = turn[usize::try_from(number % turn.len().max(1) as u64).unwrap_or(0)];
         let size = *random.choose(&design.sizes).or_else(|| random.choose(&SIZES)).unwrap_or(&1.0);

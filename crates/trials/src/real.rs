@@ -67,11 +67,8 @@ pub fn known() -> Result<Vec<Real>, RobotError> {
 pub fn stripped(toml_text: &str, urdf_text: &str) -> Result<[String; 2], RobotError> {
     let text = |file: &str, e: &dyn core::fmt::Display| RobotError::Text { file: file.to_string(), reason: e.to_string() };
     let mut spec: toml::Table = toml::from_str(toml_text).map_err(|e| text("robot.toml", &e.message()))?;
-    let toml_out = if spec.remove("effect").is_some() {
-        toml::to_string(&spec).map_err(|e| text("robot.toml", &e))?
-    } else {
-        toml_text.to_string()
-    };
+    let toml_out =
+        if spec.remove("effect").is_some() { toml::to_string(&spec).map_err(|e| text("robot.toml", &e))? } else { toml_text.to_string() };
     let mut urdf = urdf_rs::read_from_string(urdf_text).map_err(|e| text("URDF", &e))?;
     let mut is_changed = false;
     for dynamics in urdf.joints.iter_mut().filter_map(|j| j.dynamics.as_mut()) {
@@ -183,7 +180,8 @@ pub fn table(outcomes: &[Outcome]) -> String {
          |---|---|---|---|---|---|---|---|---|---|\n",
     );
     for o in outcomes {
-        let count = |of: &dyn Fn(&(String, bool, bool)) -> bool| format!("{}/{}", o.missing.iter().filter(|m| of(m)).count(), o.missing.len());
+        let count =
+            |of: &dyn Fn(&(String, bool, bool)) -> bool| format!("{}/{}", o.missing.iter().filter(|m| of(m)).count(), o.missing.len());
         let [given, last] = o.error.map_or_else(|| ["–".to_string(), "–".to_string()], |e| e.map(percent));
         let _ = writeln!(
             out,
@@ -239,14 +237,18 @@ mod tests {
         assert_eq!(row("friction_coulomb"), Some((true, true)));
         assert_eq!(row("torque_offset"), Some((false, true)));
         assert_eq!(row("friction_viscous"), Some((false, false)));
-        assert_eq!((o.others.as_slice(), o.wrong.as_slice()), (&["joint_elasticity@slide".to_string()][..], &["joint_elasticity@slide".to_string()][..]));
+        assert_eq!(
+            (o.others.as_slice(), o.wrong.as_slice()),
+            (&["joint_elasticity@slide".to_string()][..], &["joint_elasticity@slide".to_string()][..])
+        );
         assert!(o.denied.is_none() && o.error == Some([0.6, 0.05]));
     }
 
     #[test]
     fn a_half_denies_what_it_does_not_say() {
         let a = verdict(r#"{"findings":[{"effect":"spring","where":["q1"]},{"effect":"friction_coulomb","where":["q1"]}]}"#);
-        let b = verdict(r#"{"findings":[{"effect":"cable_force","where":["q1"],"cannot_tell_from":[{"effect":"spring","where":["q1"]}]}]}"#);
+        let b =
+            verdict(r#"{"findings":[{"effect":"cable_force","where":["q1"],"cannot_tell_from":[{"effect":"spring","where":["q1"]}]}]}"#);
         // The spring is in the set of the cable, and the cable's set holds the spring: only the friction is denied.
         assert_eq!(denied(&[Some(a), Some(b)]), Some([1, 3]));
     }

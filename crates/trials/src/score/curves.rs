@@ -49,7 +49,8 @@ fn line(out: &mut String, points: &[Point], colour: &str, (order, label): (usize
         let px = px + 3.0 * order as f64;
         path.push(format!("{px:.1},{py:.1}"));
         let _ = write!(out, r#"<line x1="{px:.1}" y1="{top:.1}" x2="{px:.1}" y2="{bottom:.1}" stroke="{colour}" stroke-opacity="0.5"/>"#);
-        let _ = write!(out, r#"<circle cx="{px:.1}" cy="{py:.1}" r="3.5" fill="{colour}"><title>{}/{}</title></circle>"#, count.yes, count.all);
+        let _ =
+            write!(out, r#"<circle cx="{px:.1}" cy="{py:.1}" r="3.5" fill="{colour}"><title>{}/{}</title></circle>"#, count.yes, count.all);
     }
     let _ = write!(out, r#"<polyline points="{}" fill="none" stroke="{colour}" stroke-width="1.5"/>"#, path.join(" "));
     let _ = write!(out, r#"<text x="{:.1}" y="16" fill="{colour}">{label}</text>"#, LEFT + 130.0 * order as f64);
@@ -61,7 +62,8 @@ pub(crate) fn detection(marks: &[Marks]) -> String {
     let mut bins = Vec::new();
     for (low, high) in SIZES {
         let t = tally("", marks, |m| m.level <= Level::L4 && m.size.is_some_and(|s| s >= low && s < high));
-        let sizes: Vec<f64> = marks.iter().filter(|m| m.level <= Level::L4).filter_map(|m| m.size).filter(|s| *s >= low && *s < high).collect();
+        let sizes: Vec<f64> =
+            marks.iter().filter(|m| m.level <= Level::L4).filter_map(|m| m.size).filter(|s| *s >= low && *s < high).collect();
         if t.cases > 0 {
             // At the mean of the logarithms of the sizes that there are.
             bins.push((sizes.iter().map(|s| ln(*s)).sum::<f64>() / sizes.len() as f64, t));

@@ -268,7 +268,17 @@ mod tests {
         };
         let concealed = if effect.is_empty() { Vec::new() } else { vec![concealed] };
         let floor = vec![[3.0, 0.01], [12.0, 0.02]];
-        Answer { schema: String::new(), salt: String::new(), level, robot: "prs3".to_string(), concealed, has_patient: false, noise_factor: None, recordings: None, floor }
+        Answer {
+            schema: String::new(),
+            salt: String::new(),
+            level,
+            robot: "prs3".to_string(),
+            concealed,
+            has_patient: false,
+            noise_factor: None,
+            recordings: None,
+            floor,
+        }
     }
 
     fn verdict(json: &str) -> Verdict {
