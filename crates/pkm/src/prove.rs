@@ -4,10 +4,11 @@ mod folder;
 mod real;
 mod trial;
 
+use alloc::sync::Arc;
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 
 use anyhow::{anyhow, ensure};
 use pkm_trials::case::{Answer, Design, Level, MORE, ROBOTS, Wish, make};
@@ -79,7 +80,7 @@ pub(crate) struct Args {
     /// Diagnose real recordings whose missing physics is known.
     #[arg(long, conflicts_with_all = ["cases", "seal_only", "score_only", "resume"])]
     real: bool,
-    /// Folder with the real recordings [default: the environment variable PKM_DATA].
+    /// Folder with the real recordings [default: the environment variable `PKM_DATA`].
     #[arg(long, value_name = "DIR", requires = "real")]
     data: Option<PathBuf>,
     /// Go on with a run that was stopped: what is there is kept.
@@ -149,7 +150,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         if !args.quiet {
             out::say(seal::list(&seals).trim_end())?;
         }
-        out::say(&format!("sealed {} answers; SHA-256 of the list {}", seals.len(), seal::sha256(&seal::list(&seals))))?;
+        out::say(&format!("sealed {} answers; SHA-256 of the list {}", seals.len(), seal::sha256(seal::list(&seals))))?;
         if args.seal_only {
             return Ok(ExitCode::SUCCESS);
         }
