@@ -20,6 +20,7 @@ cargo xtask peers [ARGS ...]  pkm-dyn and Pinocchio's C++ in one run, into bench
 cargo xtask slicot [N]        μ beside SLICOT's AB13MD on N problems in one run, into benches/README.md
 cargo xtask identify-peers [N]  identification beside Pinocchio, scipy and cvxpy, best of N rounds, into benches/README.md
 cargo xtask diagnose-times [S ...]  a diagnosis of a six-axis arm over recordings of so many seconds: time and peak memory
+cargo xtask prove-baselines DIR [NAME ...]  other methods on the blind trials that `pkm prove` made in DIR, scored beside the diagnosis
 cargo xtask wheel             the Python wheel, optimised, into target/wheels/
 cargo xtask golden            the golden files of tests/, anew, with Pinocchio
 
@@ -35,6 +36,7 @@ fn main() -> ExitCode {
         Some("slicot") => peers::slicot(&rest),
         Some("identify-peers") => peers::identify(&rest),
         Some("diagnose-times") => times::diagnosis(&rest),
+        Some("prove-baselines") => peers::prove_baselines(&rest),
         Some("long") => chores::long(&rest),
         Some("wheel") => none(&rest).and_then(|()| chores::wheel()),
         Some("golden") => none(&rest).and_then(|()| chores::golden()),

@@ -1,5 +1,5 @@
-//! `cargo xtask peers`, `cargo xtask slicot` and `cargo xtask identify-peers`: this project and others measured in one run, and the table in benches/README.md
-//! written anew.
+//! `cargo xtask peers`, `slicot`, `identify-peers` and `prove-baselines`: this project and others measured in one run; the first three write their table in
+//! benches/README.md anew.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -28,6 +28,9 @@ const SLYCOT: &str = "slycot==0.7.1";
 
 /// The other sides of identification.
 const IDENTIFIERS: [&str; 6] = [PINOCCHIO, "numpy", "scipy==1.17.1", "cvxpy==1.9.3", "clarabel==0.11.1", "figaroh==1.0.2"];
+
+/// Other methods on the blind trials.
+const METHODS: [&str; 4] = ["numpy", "scipy==1.17.1", "scikit-learn==1.9.1", "pysindy==2.1.0"];
 
 /// A table of benches/README.md stands between a mark that names its command and this one.
 const END: &str = "<!-- end -->";
@@ -71,6 +74,15 @@ pub(crate) fn identify(rest: &[&str]) -> Result<(), String> {
     python::python(&programs, &["benches/identification/compare.py", "robots/serial_arm", &table.display().to_string(), rounds])?;
     let text = fs::read_to_string(&table).map_err(|e| format!("{}: {e}", table.display()))?;
     publish("identify-peers", &format!("{}\n\n{text}", head(&IDENTIFIERS.join(", "), "not pinned, ordinary scheduler")))
+}
+
+/// Builds and installs the wheel, optimised, lets other methods diagnose the cases of a folder that `pkm prove` made, and scores everything again; further
+/// arguments are names of methods.
+pub(crate) fn prove_baselines(rest: &[&str]) -> Result<(), String> {
+    let folder = rest.first().ok_or("prove-baselines: which folder of `pkm prove`?")?;
+    let programs = installed(&METHODS)?;
+    python::python(&programs, &[&["benches/trials/baselines.py"], rest].concat())?;
+    run(cargo("run --release --locked -p pkm -- prove --score-only --out").arg(folder))
 }
 
 /// The environment with the wheel, optimised, and with packages.

@@ -1,16 +1,18 @@
 //! `pkm prove`: blind trials. Cases are made and sealed, each is diagnosed by a process of its own, seals are opened, verdicts scored.
 
 mod folder;
+mod real;
 mod trial;
 
+use alloc::sync::Arc;
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 
 use anyhow::{anyhow, ensure};
-use pkm_trials::case::{Design, Level, MORE, ROBOTS, Wish, make};
-use pkm_trials::score::{Marks, judge, markdown, page};
+use pkm_trials::case::{Answer, Design, Level, MORE, ROBOTS, Wish, make};
+use pkm_trials::score::{Marks, beside, judge, markdown, page};
 use pkm_trials::seal;
 
 use crate::out;
@@ -25,7 +27,10 @@ docs/PROOF.md says of the format lets you put in cases of your own: cases/NAME/ 
 
 A run can be stopped with Ctrl-C at any time: what is complete stays, the diagnoses that are running are forgotten, --resume goes on.
 --seal-only and a later run without --cases keep the making and the diagnosing apart: hand over cases/ and seals.txt first, the answers
-later. --score-only opens the seals and counts what has been diagnosed so far.
+later. --score-only opens the seals and counts what has been diagnosed so far, and what other methods said (`cargo xtask prove-baselines`).
+
+--real diagnoses recordings of real robots in place of cases: friction and effects are taken out of their files, and what others have
+published must be named. The folder with the recordings is given by --data or by the environment variable PKM_DATA.
 
 Exit status: 0 all was scored, 1 a seal is broken, 2 bad usage or bad input, 130 stopped by a signal.
 
@@ -36,7 +41,8 @@ Examples:
   pkm prove --cases 60 --recordings 1,2,4 --level L2 --size 2 --out lengths
   pkm prove --cases 40 --seed 1 --out proof --seal-only
   pkm prove --out proof
-  pkm prove --out proof --score-only")]
+  pkm prove --out proof --score-only
+  pkm prove --real --data recordings --out real")]
 pub(crate) struct Args {
     /// Number of cases to make; without it, those that lie in the folder are used.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
@@ -71,6 +77,12 @@ pub(crate) struct Args {
     /// Open the seals and score the verdicts that are there.
     #[arg(long, conflicts_with = "cases")]
     score_only: bool,
+    /// Diagnose real recordings whose missing physics is known.
+    #[arg(long, conflicts_with_all = ["cases", "seal_only", "score_only", "resume"])]
+    real: bool,
+    /// Folder with the real recordings [default: the environment variable `PKM_DATA`].
+    #[arg(long, value_name = "DIR", requires = "real")]
+    data: Option<PathBuf>,
     /// Go on with a run that was stopped: what is there is kept.
     #[arg(long)]
     resume: bool,
@@ -119,6 +131,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
         Ok(None)
     };
+    if args.real {
+        let data = args.data.clone().or_else(|| std::env::var_os("PKM_DATA").map(PathBuf::from));
+        let data = data.ok_or_else(|| anyhow!("--real needs --data DIR, or the environment variable PKM_DATA"))?;
+        let is_done = real::run(&data, &args.out, (args.timeout, &stop), args.quiet)?;
+        return Ok(if is_done { ExitCode::SUCCESS } else { ExitCode::from(STOPPED) });
+    }
     if !args.score_only {
         if let Some(count) = args.cases {
             ensure!(args.resume || !folder.has_seals(), "{}: holds a run already; --resume goes on with it", args.out.display());
@@ -132,7 +150,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         if !args.quiet {
             out::say(seal::list(&seals).trim_end())?;
         }
-        out::say(&format!("sealed {} answers; SHA-256 of the list {}", seals.len(), seal::sha256(&seal::list(&seals))))?;
+        out::say(&format!("sealed {} answers; SHA-256 of the list {}", seals.len(), seal::sha256(seal::list(&seals))))?;
         if args.seal_only {
             return Ok(ExitCode::SUCCESS);
         }
@@ -206,32 +224,49 @@ fn each<T: Sync>(
 
 fn score(args: &Args, folder: &Folder) -> anyhow::Result<ExitCode> {
     let seals = folder.seals()?;
-    let mut marks: Vec<Marks> = Vec::new();
+    let mut answers = Vec::new();
     let mut broken = Vec::new();
     for (name, hash) in &seals {
         let text = folder.answer(name)?;
-        if seal::sha256(&text) != *hash {
+        if seal::sha256(&text) == *hash {
+            let answer: Answer = serde_json::from_str(&text).map_err(|e| anyhow!("answers/{name}.json: {e}"))?;
+            answers.push((name.as_str(), answer));
+        } else {
             broken.push(name.clone());
-            continue;
         }
-        let Some(ran) = folder.run(name)? else { continue };
-        if folder.is_verdict_changed(name, &ran)? {
-            broken.push(format!("{name} (verdict)"));
-            continue;
-        }
-        let answer = serde_json::from_str(&text).map_err(|e| anyhow!("answers/{name}.json: {e}"))?;
-        marks.push(judge(name, &answer, folder.verdict(name)?.as_ref(), &ran));
     }
+    let marks = marks(folder, &answers, &mut broken)?;
     if !broken.is_empty() {
         out::error(&format!("changed after they had been sealed: {}", broken.join(", ")));
         return Ok(ExitCode::from(1));
     }
     ensure!(!marks.is_empty(), "{}: nothing has been diagnosed yet", args.out.display());
-    let table = markdown(&marks);
+    let mut table = markdown(&marks);
+    let mut others = Vec::new();
+    for (name, other) in folder.others()? {
+        others.push((name, self::marks(&other, &answers, &mut broken)?));
+    }
+    if !others.is_empty() {
+        table += &beside(&marks, &others);
+    }
     let title = format!("Blind trials: {} of {} cases, pkm {}", marks.len(), seals.len(), env!("CARGO_PKG_VERSION"));
-    folder.write_scores(&marks, &table, &page(&title, &marks))?;
+    folder.write_scores(&marks, &table, &page(&title, &marks, &table))?;
     if !args.quiet {
         out::say(&out::clean(table.trim_end()))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Marks of what a folder says of the cases; verdicts that changed since they were noted go to `broken`.
+fn marks(folder: &Folder, answers: &[(&str, Answer)], broken: &mut Vec<String>) -> anyhow::Result<Vec<Marks>> {
+    let mut out = Vec::new();
+    for (name, answer) in answers {
+        let Some(ran) = folder.run(name)? else { continue };
+        if folder.is_verdict_changed(name, &ran)? {
+            broken.push(format!("{name} (verdict)"));
+            continue;
+        }
+        out.push(judge(name, answer, folder.verdict(name)?.as_ref(), &ran));
+    }
+    Ok(out)
 }

@@ -180,3 +180,54 @@ fn floor(base: &Base, noise: &Noise, traces: &[Trace], stream: &mut Stream) -> R
     }
     Ok(out)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::tanh;
+    use crate::plant::Plant;
+    use crate::reference::Path;
+    use crate::robot::Robot;
+
+    /// The pendulum's drive along a path, 250 samples per second, with `more` times its dry friction beside its rigid effort.
+    fn recorded(plant: &Plant, more: f64) -> Result<Trace, RobotError> {
+        let mut random = Stream::new(1, 1, "path");
+        let path = Path::random(&[0.0515], &[0.03], (4.0, 5), &mut random);
+        let mut trace = Trace::default();
+        let mut q = plant.home.clone();
+        for i in 0..2000 {
+            let t = f64::from(i) * 4e-3;
+            let [x, v, a] = path.at(t);
+            q[plant.free[0]] = x[0];
+            let m = plant.moving(&mut q, v.as_slice())?;
+            let joint = plant.robot.drives[0].joint;
+            let friction = more * plant.robot.joints[joint].coulomb * tanh(m.velocity[joint] / (0.003 * plant.robot.joints[joint].speed));
+            let force = &m.mass * &a + &m.bias + DVector::from_element(1, friction * m.ratio[(joint, 0)]);
+            let effort = efforts(&drive_ratio(plant, &m), &force).ok_or_else(|| RobotError::Unknown(String::new()))?;
+            trace.t.push(t);
+            trace.reading.push(vec![q[joint]]);
+            trace.rate.push(vec![m.velocity[joint]]);
+            trace.effort.push(vec![effort[0]]);
+            trace.truth.push(q.clone());
+            trace.wanted.push([vec![q[joint]], vec![m.velocity[joint]], vec![0.0]]);
+        }
+        Ok(trace)
+    }
+
+    #[test]
+    fn a_friction_that_only_grew_is_taken_by_the_refit_whole() {
+        let plant = Plant::new(Robot::shipped("motobotte").unwrap()).unwrap();
+        let noise = Noise::typical(&plant.robot, &[1.0], 0.0, false);
+        let of = |more: f64| {
+            let trace = recorded(&plant, more).unwrap();
+            let recording = noise.silent(&trace);
+            (residual(&plant, &trace, &recording, BAND).unwrap(), basis(&plant, &trace, &recording, BAND).unwrap())
+        };
+        let ((once, columns), (thrice, _)) = (of(1.0), of(3.0));
+        let column = vec![thrice.minus(&once)];
+        let healthy = Healthy { left: column.clone(), basis: vec![columns] };
+        // The sign is sharp at reversals; filtered on one side only, a tenth of it and more would be left there.
+        let share = Ruler::new(&healthy, &[]).length(&column).share;
+        assert!(share < 0.02, "{share}");
+    }
+}

@@ -18,6 +18,7 @@ pub mod math;
 pub mod menu;
 pub mod plant;
 pub mod random;
+pub mod real;
 pub mod reference;
 pub mod refit;
 pub mod residual;

@@ -93,6 +93,22 @@ impl Folder {
         write(&self.answer_path(name), &(serde_json::to_string_pretty(&case.answer)? + "\n"))
     }
 
+    /// What other methods said of the cases: their names, and folders with verdicts and runs.
+    pub(super) fn others(&self) -> anyhow::Result<Vec<(String, Self)>> {
+        let path = self.root.join("baselines");
+        let mut out = Vec::new();
+        if path.is_dir() {
+            for entry in fs::read_dir(&path).with_context(|| path.display().to_string())? {
+                let entry = entry.with_context(|| path.display().to_string())?;
+                if entry.path().is_dir() {
+                    out.push((entry.file_name().to_string_lossy().into_owned(), Self::new(&entry.path())));
+                }
+            }
+        }
+        out.sort_by(|a, b| a.0.cmp(&b.0));
+        Ok(out)
+    }
+
     /// Names of the cases, in order.
     pub(super) fn names(&self) -> anyhow::Result<Vec<String>> {
         let path = self.root.join("cases");

@@ -12,7 +12,7 @@ use pkm_hal::{Clock, MonotonicClock};
 use pkm_trials::score::Ran;
 use pkm_trials::seal;
 
-use super::folder::{Folder, write};
+use super::folder::{Folder, Manifest, write};
 
 /// How often a running diagnosis is looked at.
 const LOOK: Duration = Duration::from_millis(50);
@@ -37,26 +37,48 @@ impl Engine {
     }
 }
 
-/// Diagnoses a case and moves its verdict to the run's folder; none when `stop` was raised meanwhile, and then nothing is kept.
+/// When a diagnosis has to end: after a time `[s]`, or when the flag is raised.
+pub(super) type Limits<'a> = (f64, &'a AtomicBool);
+
+/// Diagnoses a case and moves its verdict to the run's folder; none when the flag was raised meanwhile, and then nothing is kept.
 ///
 /// # Errors
 /// When files are missing or a process cannot be started; a diagnosis that fails is no error but a result.
-pub(super) fn diagnose(folder: &Folder, name: &str, engine: &Engine, (timeout, stop): (f64, &AtomicBool)) -> anyhow::Result<Option<Ran>> {
+pub(super) fn diagnose(folder: &Folder, name: &str, engine: &Engine, limits: Limits<'_>) -> anyhow::Result<Option<Ran>> {
     let manifest = folder.manifest(name)?;
     // Elsewhere, under a name that says nothing: neither answers nor other cases lie beside it.
     let room = tempfile::tempdir()?;
     copy(&folder.case(name), room.path())?;
+    let Some((ran, text)) = diagnose_in(room.path(), &manifest, engine, (&[], limits))? else { return Ok(None) };
+    if let Some(text) = text {
+        let path = folder.verdict_path(name);
+        fs::create_dir_all(crate::outputs::folder(&path))?;
+        write(&path, &text)?;
+    }
+    Ok(Some(ran))
+}
+
+/// Diagnoses the recordings in a folder with its robot.toml; how it ran, and the text of the verdict.
+///
+/// # Errors
+/// When a process cannot be started.
+pub(super) fn diagnose_in(
+    room: &Path,
+    manifest: &Manifest,
+    engine: &Engine,
+    (more, (timeout, stop)): (&[String], Limits<'_>),
+) -> anyhow::Result<Option<(Ran, Option<String>)>> {
     let mut command = Command::new(&engine.path);
-    command.arg("diagnose").arg("robot.toml").args(["--json", "verdict.json", "--quiet"]);
+    command.arg("diagnose").arg("robot.toml").args(["--json", "verdict.json", "--quiet"]).args(more);
     manifest.recordings.iter().for_each(|r| {
         command.args(["--recording", r]);
     });
     manifest.holdouts.iter().for_each(|r| {
         command.args(["--holdout", r]);
     });
-    let errors = fs::File::create(room.path().join("stderr.txt"))?;
+    let errors = fs::File::create(room.join("stderr.txt"))?;
     // A group of its own: Ctrl-C reaches this process alone, so that a diagnosis that was stopped is not taken for one that failed.
-    command.current_dir(room.path()).stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors).process_group(0);
+    command.current_dir(room).stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors).process_group(0);
     let clock = MonotonicClock::start();
     let mut child = command.spawn().context("pkm diagnose")?;
     let exit = wait(&mut child, &clock, timeout, stop)?;
@@ -64,16 +86,11 @@ pub(super) fn diagnose(folder: &Folder, name: &str, engine: &Engine, (timeout, s
         return Ok(None);
     }
     let seconds = clock.now_ns() as f64 * 1e-9;
-    let told = fs::read_to_string(room.path().join("stderr.txt")).unwrap_or_default();
-    let mut verdict = None;
-    if let Ok(text) = fs::read_to_string(room.path().join("verdict.json")) {
-        let path = folder.verdict_path(name);
-        fs::create_dir_all(crate::outputs::folder(&path))?;
-        write(&path, &text)?;
-        verdict = Some(seal::sha256(&text));
-    }
+    let told = fs::read_to_string(room.join("stderr.txt")).unwrap_or_default();
+    let text = fs::read_to_string(room.join("verdict.json")).ok();
     let error = told.lines().next().unwrap_or_default().to_string();
-    Ok(Some(Ran { seconds, exit, error, engine: engine.name.clone(), verdict }))
+    let ran = Ran { seconds, exit, error, engine: engine.name.clone(), verdict: text.as_ref().map(seal::sha256) };
+    Ok(Some((ran, text)))
 }
 
 /// Exit status; none when it was stopped, after `timeout` `[s]`, by `stop` or by a signal.

@@ -10,6 +10,6 @@ mod verdict;
 
 pub use judge::{Asked, Marks, Ran, judge};
 pub use picture::page;
-pub use table::markdown;
+pub use table::{beside, markdown};
 pub use tally::{Count, Tally, tally, wilson};
 pub use verdict::{Finding, Place, Verdict};

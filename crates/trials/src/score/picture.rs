@@ -5,7 +5,6 @@ use core::fmt::Write as _;
 
 use super::curves::{detection, reliability};
 use super::judge::Marks;
-use super::table::markdown;
 
 const CELL: usize = 24;
 const LEFT: usize = 190;
@@ -66,7 +65,7 @@ fn matrix(marks: &[Marks]) -> String {
     out
 }
 
-/// Tables of [`markdown`] as HTML.
+/// Tables in Markdown as HTML.
 fn tables(text: &str) -> String {
     let mut out = String::new();
     let mut is_open = false;
@@ -98,9 +97,9 @@ fn tables(text: &str) -> String {
     out
 }
 
-/// The page of a run.
+/// The page of a run: pictures of its marks, then `text`, the tables in Markdown.
 #[must_use]
-pub fn page(title: &str, marks: &[Marks]) -> String {
+pub fn page(title: &str, marks: &[Marks], text: &str) -> String {
     format!(
         concat!(
             "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title><style>",
@@ -116,13 +115,14 @@ pub fn page(title: &str, marks: &[Marks]) -> String {
         matrix = matrix(marks),
         detection = detection(marks),
         reliability = reliability(marks),
-        tables = tables(&markdown(marks)),
+        tables = tables(text),
     )
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::judge::{Ran, judge};
+    use super::super::table::markdown;
     use super::*;
     use crate::case::{Answer, Level};
 
@@ -141,7 +141,7 @@ mod tests {
         };
         let verdict = serde_json::from_str(r#"{"status":"ok","findings":[{"effect":"<script>","where":["q1"]}]}"#).unwrap();
         let marks = [judge("1", &answer, Some(&verdict), &Ran::default()), judge("2", &answer, None, &Ran::default())];
-        let html = page("run", &marks);
+        let html = page("run", &marks, &markdown(&marks));
         assert!(html.contains("&lt;script&gt;") && !html.contains("<script") && !html.contains("<b>"));
         // One row (nothing), two columns (the name, no verdict): two cells, both filled.
         assert_eq!(html.matches("fill-opacity").count(), 2);

@@ -116,6 +116,42 @@ pub fn markdown(marks: &[Marks]) -> String {
     out
 }
 
+/// The diagnosis beside other methods on the cases that both have seen, as a table in Markdown.
+///
+/// Methods that name nothing are there for what they explain of the holdout.
+#[must_use]
+pub fn beside(marks: &[Marks], others: &[(String, Vec<Marks>)]) -> String {
+    let mut out = String::from(
+        "\nBeside other methods, on the cases that both have seen:\n\n\
+         | method | n | first name right | in the set | place | names per healthy robot | false alarms (L6, L7) | given a name (L5) | explained/oracle | s |\n\
+         |---|---|---|---|---|---|---|---|---|---|\n",
+    );
+    let mut row = |name: &str, marks: &[Marks]| {
+        let t = tally(name, marks, |_| true);
+        let healthy: Vec<f64> = marks.iter().filter(|m| m.level.is_healthy()).map(|m| m.stated.len() as f64).collect();
+        let mean = (!healthy.is_empty()).then(|| healthy.iter().sum::<f64>() / healthy.len() as f64);
+        let cells = [
+            t.label.clone(),
+            t.cases.to_string(),
+            share(t.first),
+            share(t.in_set),
+            share(t.place),
+            number(mean),
+            share(t.alarms),
+            share(t.impostors),
+            number(t.explained),
+            number(t.seconds),
+        ];
+        let _ = writeln!(out, "| {} |", cells.join(" | "));
+    };
+    let is_common = |m: &Marks| others.iter().all(|(_, o)| o.iter().any(|x| x.case == m.case));
+    row("pkm diagnose", &marks.iter().filter(|m| is_common(m)).cloned().collect::<Vec<_>>());
+    for (name, other) in others {
+        row(name, &other.iter().filter(|m| is_common(m) && marks.iter().any(|x| x.case == m.case)).cloned().collect::<Vec<_>>());
+    }
+    out
+}
+
 /// Whether a case is to be listed: a miss, a false alarm, a false name, or only one of two effects.
 fn has_failed(m: &Marks) -> bool {
     match m.level {
