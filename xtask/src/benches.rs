@@ -18,9 +18,14 @@ struct Measurement {
     /// What is measured, and beside what.
     says: &'static str,
     work: fn(&[&str]) -> Result<(), String>,
-    /// Ratios of ours to theirs, and what each is about.
-    ratios: fn(&[Vec<String>]) -> Vec<(String, f64)>,
+    ratios: fn(&[Row]) -> Vec<Ratio>,
 }
+
+/// Cells of a line of a table.
+type Row = Vec<String>;
+
+/// Of ours to theirs, and what it is about.
+type Ratio = (String, f64);
 
 const ALL: [Measurement; 3] = [
     Measurement {
@@ -81,7 +86,7 @@ fn summary(tables: &str) -> Result<String, String> {
         let (Some(first), Some(last)) = (ratios.first(), ratios.last()) else {
             return Err(format!("{TABLES}: {} has no ratio", m.command));
         };
-        let over: Vec<&(String, f64)> = ratios.iter().filter(|r| r.1 > 1.0).collect();
+        let over: Vec<&Ratio> = ratios.iter().filter(|r| r.1 > 1.0).collect();
         let commit = head.split("commit ").nth(1).unwrap_or("unknown").trim_end_matches('.');
         out += &format!(
             "| {} | {} | {:.2} | {:.2} | {:.2} | {} of {} | {commit} |\n",
@@ -105,7 +110,7 @@ fn summary(tables: &str) -> Result<String, String> {
 }
 
 /// The first line after a command's mark, and the rows of all its tables, heads included.
-fn table(text: &str, command: &str) -> Option<(String, Vec<Vec<String>>)> {
+fn table(text: &str, command: &str) -> Option<(String, Vec<Row>)> {
     let (_, rest) = text.split_once(&format!("<!-- cargo xtask {command} -->"))?;
     let (part, _) = rest.split_once(END)?;
     let head = part.lines().find(|l| !l.trim().is_empty())?.to_string();
@@ -114,7 +119,7 @@ fn table(text: &str, command: &str) -> Option<(String, Vec<Vec<String>>)> {
 }
 
 /// Numbers of a column, in the tables that have it, named by the two cells before everything else.
-fn column(rows: &[Vec<String>], name: &str) -> Vec<(String, f64)> {
+fn column(rows: &[Row], name: &str) -> Vec<Ratio> {
     let (mut k, mut width, mut out) = (None, 0, Vec::new());
     for row in rows {
         if let Some(found) = row.iter().position(|cell| cell == name) {
@@ -127,8 +132,8 @@ fn column(rows: &[Vec<String>], name: &str) -> Vec<(String, f64)> {
 }
 
 /// Time of `sdp` over that of every peer.
-fn identified(rows: &[Vec<String>]) -> Vec<(String, f64)> {
-    let seconds = |row: &Vec<String>| row.get(1).and_then(|cell| cell.strip_suffix(" s")).and_then(|s| s.parse::<f64>().ok());
+fn identified(rows: &[Row]) -> Vec<Ratio> {
+    let seconds = |row: &Row| row.get(1).and_then(|cell| cell.strip_suffix(" s")).and_then(|s| s.parse::<f64>().ok());
     let Some(ours) = rows.iter().find(|r| r[0].starts_with("pkm, `sdp`")).and_then(seconds) else { return Vec::new() };
     let peers = rows.iter().filter(|r| !r[0].contains("pkm"));
     peers.filter_map(|row| seconds(row).map(|theirs| (row[0].clone(), ours / theirs))).collect()

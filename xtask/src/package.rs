@@ -1,6 +1,5 @@
 //! `cargo xtask package`: everything that publishing does but the upload, of every crate in order, and of the wheel.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -10,8 +9,8 @@ use crate::shell::{answer, cargo, program, root, run, target};
 /// What must lie at the root of a project that others are to use.
 const FILES: [&str; 6] = ["LICENSE-MIT", "LICENSE-APACHE", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff"];
 
-/// Keys that a registry shows; without the last it warns.
-const KEYS: [&str; 5] = ["description", "license", "keywords", "categories", "repository"];
+/// Keys that a registry asks for or shows.
+const KEYS: [&str; 4] = ["description", "license", "keywords", "categories"];
 
 /// Packages crates and wheel. With `--no-verify` the packages are not compiled, with `--no-wheel` the wheel is left out.
 pub(crate) fn package(rest: &[&str]) -> Result<(), String> {
@@ -39,19 +38,17 @@ pub(crate) fn package(rest: &[&str]) -> Result<(), String> {
 /// Says which of a registry's keys each crate lacks.
 fn metadata() -> Result<(), String> {
     let workspace = fs::read_to_string(root().join("Cargo.toml")).map_err(|e| format!("Cargo.toml: {e}"))?;
-    let mut lacking: BTreeMap<&str, usize> = BTreeMap::new();
     let manifests = manifests()?;
+    let mut without = 0;
     for manifest in &manifests {
         let text = fs::read_to_string(manifest).map_err(|e| format!("{}: {e}", manifest.display()))?;
-        for key in KEYS.iter().filter(|key| !has(&text, &workspace, key)) {
-            if *key != "repository" {
-                return Err(format!("{}: no {key} in [package]", manifest.display()));
-            }
-            *lacking.entry(key).or_default() += 1;
+        if let Some(key) = KEYS.iter().find(|key| !has(&text, &workspace, key)) {
+            return Err(format!("{}: no {key} in [package]", manifest.display()));
         }
+        without += usize::from(!has(&text, &workspace, "repository"));
     }
-    for (key, n) in &lacking {
-        println!("   {n} of {} crates have no {key}: a registry takes them, and warns", manifests.len());
+    if without > 0 {
+        println!("   {without} of {} crates have no repository: a registry takes them, and warns", manifests.len());
     }
     Ok(())
 }

@@ -117,7 +117,7 @@ impl Axis {
         let finite = || values.iter().copied().filter(|v| v.is_finite());
         let (low, high) = (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max));
         let span = if high > low { high - low } else { 1.0 };
-        let rough = span / 4.0;
+        let rough = span / 6.0;
         let decades = (-12..12).flat_map(|e: i32| ["1", "2", "5"].map(|m| format!("{m}e{e}").parse().unwrap_or(f64::NAN)));
         let step = decades.into_iter().find(|s: &f64| *s >= rough).unwrap_or(rough);
         let pad = 0.03 * span;
@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn axes_have_round_numbers() {
         let axis = Axis::over(&[-0.031, 0.07, f64::NAN]);
-        assert_eq!(axis.ticks().iter().map(|t| axis.text(*t)).collect::<Vec<_>>(), ["0.00", "0.05"]);
+        assert_eq!(axis.ticks().iter().map(|t| axis.text(*t)).collect::<Vec<_>>(), ["−0.02", "0.00", "0.02", "0.04", "0.06"]);
         assert!((2..=6).contains(&Axis::over(&[3.0, 3.0]).ticks().len()), "a constant has an axis too");
     }
 

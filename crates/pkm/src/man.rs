@@ -43,10 +43,10 @@ fn pages(command: Command) -> anyhow::Result<Vec<(String, String)>> {
     command.build();
     let mut pages = vec![("pkm".to_string(), page(&command)?)];
     for verb in command.get_subcommands() {
-        let name = format!("pkm-{}", verb.get_name());
-        // A page is found under the name in its title.
-        let verb = verb.clone().name(name.clone()).version(env!("CARGO_PKG_VERSION"));
-        pages.push((name, page(&verb)?));
+        // Built, a verb's display name is that of its page: pkm-check.
+        let name = verb.get_display_name().unwrap_or_else(|| verb.get_name()).to_string();
+        let text = page(&verb.clone().version(env!("CARGO_PKG_VERSION")))?;
+        pages.push((name, text));
     }
     Ok(pages)
 }
