@@ -170,7 +170,7 @@ fn picture(line: &str, folder: &Path) -> Result<(), String> {
     let time = table.column("t")?;
     let drawn: Vec<Vec<f64>> = columns.iter().map(|c| table.column(c)).collect::<Result<_, _>>()?;
     let panels: Vec<Panel<'_>> = drawn.iter().map(|y| Panel { x: &time, y, label: "time [s]", is_line: true }).collect();
-    let path = root().join(PAGES).join("pictures").join(format!("{name}.svg"));
+    let path = root().join(PAGES).join("pictures").join(format!("{}.svg", name.trim_end_matches(':')));
     fs::create_dir_all(path.with_file_name("")).map_err(|e| format!("{}: {e}", path.display()))?;
     fs::write(&path, svg(&panels, &columns.join(" and "))).map_err(|e| format!("{}: {e}", path.display()))
 }
