@@ -60,16 +60,31 @@ fn every_shell_gets_every_verb() {
     refused(folder.path(), &["completions", "cmd"], &["cmd", "powershell"]);
 }
 
+/// The verbs that the help lists.
+fn verbs(folder: &Path) -> Vec<String> {
+    let help = prints(folder, &["--help"]);
+    let listed = help.lines().filter_map(|l| l.strip_prefix("  ")).filter(|l| l.starts_with(|c: char| c.is_ascii_lowercase()));
+    listed.filter(|l| !l.starts_with("pkm ")).filter_map(|l| l.split_whitespace().next()).map(str::to_string).collect()
+}
+
+#[test]
+fn every_verb_is_in_the_guide() {
+    let pages = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/guide/src/verbs");
+    let texts: String = crate::fixture::names(&pages).iter().map(|name| fs::read_to_string(pages.join(name)).unwrap()).collect();
+    let folder = rig();
+    let verbs = verbs(folder.path());
+    assert!(verbs.len() > 20, "{verbs:?}");
+    for verb in verbs {
+        assert!(texts.contains(&format!("pkm {verb} ")) || texts.contains(&format!("pkm {verb}`")), "no page tells of `pkm {verb}`");
+    }
+}
+
 #[test]
 fn every_verb_has_a_manual_page_that_renders() {
     let folder = rig();
     prints(folder.path(), &["man", "--out", "man"]);
     let pages = crate::fixture::names(&folder.path().join("man"));
-    let help = prints(folder.path(), &["--help"]);
-    let verbs: Vec<&str> =
-        help.lines().filter_map(|l| l.strip_prefix("  ")).filter(|l| l.starts_with(|c: char| c.is_ascii_lowercase())).collect();
-    let verbs: Vec<&str> = verbs.iter().filter(|l| !l.starts_with("pkm ")).filter_map(|l| l.split_whitespace().next()).collect();
-    let mut wanted: Vec<String> = verbs.iter().map(|v| format!("pkm-{v}.1")).chain(["pkm.1".to_string()]).collect();
+    let mut wanted: Vec<String> = verbs(folder.path()).iter().map(|v| format!("pkm-{v}.1")).chain(["pkm.1".to_string()]).collect();
     wanted.sort();
     assert_eq!(pages, wanted);
     if !is_there("groff", &["--version"]) {
