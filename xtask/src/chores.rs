@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use crate::python;
 use crate::shell::{answer, cargo, program, root, run};
+use crate::{guide, python};
 
 /// Version of Pinocchio the golden files are made with, and the one that is measured against.
 pub(crate) const PINOCCHIO: &str = "pin==4.1.0";
@@ -21,7 +21,11 @@ pub(crate) fn long(only: &[&str]) -> Result<(), String> {
         command.args(["--test", name]);
     });
     run(command.env("PKM_LONG", "1").env("PKM_RESULTS", &results).env("PKM_COMMIT", &commit))?;
-    if only.is_empty() { prove(&results, &commit) } else { Ok(()) }
+    if !only.is_empty() {
+        return Ok(());
+    }
+    guide::run_commands(&[])?;
+    prove(&results, &commit)
 }
 
 /// The blind trials of docs/PROOF.md in full; a run that was stopped goes on when the commit is the same.

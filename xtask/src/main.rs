@@ -1,10 +1,15 @@
 //! `cargo xtask`: everything CI runs, and the other chores of the repository. Needs nothing beyond the standard library.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "a command for the terminal")]
 
+mod atlas;
+mod benches;
 mod checks;
 mod chores;
+mod guide;
 mod nostd;
+mod package;
 mod peers;
+mod picture;
 mod prerequisites;
 mod python;
 mod shell;
@@ -14,13 +19,17 @@ use std::process::ExitCode;
 
 const USAGE: &str = "\
 cargo xtask test [STEP ...]   everything CI runs, in order, up to the first failure; or only the steps named
-cargo xtask long [TEST ...]   the long tier: PKM_LONG=1 and 1200 blind trials, tables into docs/results/; or only the files named (`fuzz`)
+cargo xtask long [TEST ...]   the long tier: PKM_LONG=1, every command of the guide, 1200 blind trials, tables into docs/results/; or only the files named (`fuzz`)
 cargo xtask bench [ARGS ...]  the benches; arguments go to criterion (`-- --quick`, a name)
 cargo xtask peers [ARGS ...]  pkm-dyn and Pinocchio's C++ in one run, into benches/README.md (`--rounds N`)
 cargo xtask slicot [N]        μ beside SLICOT's AB13MD on N problems in one run, into benches/README.md
 cargo xtask identify-peers [N]  identification beside Pinocchio, scipy and cvxpy, best of N rounds, into benches/README.md
+cargo xtask benches [--table] the three above in turn, their ratios into docs/BENCHES.md; or the ratios alone
 cargo xtask diagnose-times [S ...]  a diagnosis of a six-axis arm over recordings of so many seconds: time and peak memory
 cargo xtask prove-baselines DIR [NAME ...]  other methods on the blind trials that `pkm prove` made in DIR, scored beside the diagnosis
+cargo xtask package [--no-verify] [--no-wheel]  all that publishing does but the upload: every crate in order, and the wheel
+cargo xtask atlas [EFFECT ...]  numbers and pictures of the guide's pages on effects
+cargo xtask guide [PAGE ...]  every command of the guide, each page in a folder of its own; without a page the book as well
 cargo xtask wheel             the Python wheel, optimised, into target/wheels/
 cargo xtask golden            the golden files of tests/, anew, with Pinocchio
 
@@ -38,6 +47,10 @@ fn main() -> ExitCode {
         Some("diagnose-times") => times::diagnosis(&rest),
         Some("prove-baselines") => peers::prove_baselines(&rest),
         Some("long") => chores::long(&rest),
+        Some("benches") => benches::benches(&rest),
+        Some("package") => package::package(&rest),
+        Some("atlas") => atlas::atlas(&rest),
+        Some("guide") => guide::run_commands(&rest).and_then(|()| if rest.is_empty() { guide::book() } else { Ok(()) }),
         Some("wheel") => none(&rest).and_then(|()| chores::wheel()),
         Some("golden") => none(&rest).and_then(|()| chores::golden()),
         None | Some("help" | "--help" | "-h") => {

@@ -33,7 +33,7 @@ const IDENTIFIERS: [&str; 6] = [PINOCCHIO, "numpy", "scipy==1.17.1", "cvxpy==1.9
 const METHODS: [&str; 4] = ["numpy", "scipy==1.17.1", "scikit-learn==1.9.1", "pysindy==2.1.0"];
 
 /// A table of benches/README.md stands between a mark that names its command and this one.
-const END: &str = "<!-- end -->";
+pub(crate) const END: &str = "<!-- end -->";
 
 /// Installs Pinocchio's headers, compiles both sides, measures, and writes the table.
 pub(crate) fn peers(rest: &[&str]) -> Result<(), String> {
@@ -150,7 +150,7 @@ fn publish(command: &str, text: &str) -> Result<(), String> {
 }
 
 /// `old` with what stands between the marks replaced.
-fn between(old: &str, begin: &str, text: &str) -> Option<String> {
+pub(crate) fn between(old: &str, begin: &str, text: &str) -> Option<String> {
     let (before, rest) = old.split_once(begin)?;
     let (_, after) = rest.split_once(END)?;
     Some(format!("{before}{begin}\n{}\n{END}{after}", text.trim_end()))

@@ -49,6 +49,16 @@ pub(crate) fn run(command: &mut Command) -> Result<(), String> {
     }
 }
 
+/// What a command prints; an error is what it says instead.
+pub(crate) fn output(command: &mut Command) -> Result<String, String> {
+    let line = shown(command);
+    let output = command.output().map_err(|e| format!("`{line}` could not be started: {e}"))?;
+    if output.status.success() {
+        return Ok(String::from_utf8_lossy(&output.stdout).into_owned());
+    }
+    Err(format!("`{line}`: {}", String::from_utf8_lossy(&output.stderr).trim()))
+}
+
 /// What a command prints, or `None` when it fails or is not there.
 pub(crate) fn answer(command: &mut Command) -> Option<String> {
     let output = command.output().ok().filter(|o| o.status.success())?;

@@ -7,6 +7,7 @@ use anyhow::{bail, ensure};
 use pkm_dyn::urdf::Description;
 use pkm_ident::Recording;
 use pkm_record::{Attachment, Attachments, ReadOptions};
+use serde_json::json;
 
 use crate::outputs::is_same_file;
 use crate::{out, robot_file, seal};
@@ -32,6 +33,9 @@ pub(crate) struct Args {
     /// Attach this robot (robot.toml and URDF) to the MCAP file that is written.
     #[arg(long, value_name = "ROBOT")]
     robot: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
 }
 
 /// Runs the verb.
@@ -59,6 +63,20 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     pkm_record::write(&args.output, &recording, &attachments)?;
     let lost = if has_room { 0 } else { attachments.files.len() };
+    if args.json {
+        let told = json!({
+            "schema": "pkm.convert/1",
+            "output": args.output.display().to_string(),
+            "samples": recording.len(),
+            "signals": recording.signals.keys().collect::<Vec<_>>(),
+            "duration_s": recording.duration(),
+            "attachments_left_out": lost,
+            "controller_steps_left_out": if has_room { 0 } else { n_steps },
+            "recovered": recording.meta.other.get("recovered").map(ToString::to_string),
+        });
+        out::say(&out::clean(&serde_json::to_string_pretty(&told)?))?;
+        return Ok(ExitCode::SUCCESS);
+    }
     let left_out = if lost > 0 { format!(" ({lost} attached files left out: CSV has no place for them)") } else { String::new() };
     let left_out = if has_room || n_steps == 0 { left_out } else { format!("{left_out} ({n_steps} steps of the controller left out)") };
     let recovered = recording.meta.other.get("recovered").map_or(String::new(), |told| format!("\nRecovered: {told}"));

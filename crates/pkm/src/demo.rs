@@ -8,19 +8,22 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context;
-use pkm_diagnose::{Diagnosis, Settings};
-use pkm_dyn::effects::{Applied, Robot};
+use clap::builder::PossibleValuesParser;
+use pkm_diagnose::{Diagnosis, Settings, Verdict};
+use pkm_dyn::effects::{Applied, CATALOGUE, Robot};
 use pkm_dyn::urdf::Description;
 use pkm_ident::Recording;
 use pkm_sim::Scenario;
+use serde_json::json;
 
 use crate::convert::with_robot;
 use crate::diagnose::Targets;
 use crate::diagnosis::{Stated, Subject, read_recordings, run as run_engine};
 use crate::outputs::Outputs;
 use crate::progress::Progress;
-use crate::robot_file;
 use crate::seal::Seal;
+use crate::{out, robot_file};
+use story::Story;
 
 /// Folder that is made when none is given.
 const FOLDER: &str = "pkm-demo";
@@ -48,7 +51,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 12)]
     seed: u64,
     /// Conceal this effect instead of drawing one; `none` conceals nothing (`pkm effects` lists them).
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = concealable(), hide_possible_values = true)]
     effect: Option<String>,
     /// Folder for recordings, report and refined robot [default: a new folder pkm-demo in the current one].
     #[arg(long, value_name = "DIR")]
@@ -56,9 +59,16 @@ pub(crate) struct Args {
     /// Length of each of the two recordings, 4 to 600 s.
     #[arg(long, value_name = "S", default_value_t = 20.0, value_parser = duration)]
     duration: f64,
+    /// Print the outcome as JSON instead of the story.
+    #[arg(long)]
+    json: bool,
     /// Show no progress bars.
     #[arg(long, short)]
     quiet: bool,
+}
+
+fn concealable() -> PossibleValuesParser {
+    PossibleValuesParser::new(CATALOGUE.iter().map(|e| e.name).chain(["none"]))
 }
 
 fn duration(text: &str) -> Result<f64, String> {
@@ -73,26 +83,47 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let nominal = robot_file::read(&args.robot)?;
     let concealed = conceal(args, &nominal)?;
     let folder = make_folder(args.out.as_deref())?;
-    story::begin(&nominal, args, &folder)?;
+    let story = Story { is_silent: args.json };
+    story.begin(&nominal, args, &folder)?;
     let seal = Seal::write(&folder.join("sealed.json"), &nominal.bare, &concealed, args.seed)?;
-    story::sealed(&seal)?;
+    story.sealed(&seal)?;
     let paths = ["motion1.mcap", "motion2.mcap"].map(|name| folder.join(name));
     record(args, &nominal, &concealed, &paths)?;
-    story::recorded(&paths, args.duration)?;
+    story.recorded(&paths, args.duration)?;
     // From here on the nominal robot and the two files are all there is.
     let mut recordings = read_recordings(&paths, None)?;
     let holdout = recordings.split_off(1);
     let targets = targets(&folder);
     let diagnosis = examine(args, &nominal, &targets, [&recordings, &holdout])?;
-    story::answer(&diagnosis)?;
+    story.answer(&diagnosis)?;
     seal.verify()?;
-    let is_right = story::compare(&concealed, &nominal, &diagnosis.verdict)?;
+    let is_right = story.compare(&concealed, &nominal, &diagnosis.verdict)?;
     if let Some([toml, _]) = targets.refined.as_ref().filter(|_| diagnosis.refined.is_some()) {
         let errors = compare::on_second_motion(toml, &nominal, &scenario(args, 1), (&holdout[0], diagnosis.verdict.heldout.band_hz))?;
-        story::replayed(&errors)?;
+        story.replayed(&errors)?;
     }
-    story::files(&folder)?;
+    story.files(&folder)?;
+    if args.json {
+        out::say(&out::clean(&outcome(args, &nominal, &concealed, &diagnosis.verdict, is_right)?))?;
+    }
     Ok(ExitCode::from(u8::from(!is_right)))
+}
+
+/// The outcome as JSON: what was concealed, what was found, and whether that is right.
+fn outcome(args: &Args, nominal: &Description, concealed: &[Applied], verdict: &Verdict, is_right: bool) -> anyhow::Result<String> {
+    let model = &nominal.bare;
+    let hidden = concealed.iter().map(|e| json!({"effect": e.entry.name, "where": [e.place_name(model)]}));
+    let told = json!({
+        "schema": "pkm.demo/1",
+        "robot": model.name,
+        "seed": args.seed,
+        "concealed": hidden.collect::<Vec<_>>(),
+        "findings": verdict.findings,
+        "unexplained": verdict.unexplained,
+        "heldout": verdict.heldout,
+        "is_right": is_right,
+    });
+    Ok(serde_json::to_string_pretty(&told)?)
 }
 
 fn conceal(args: &Args, nominal: &Description) -> anyhow::Result<Vec<Applied>> {

@@ -10,7 +10,7 @@ use pkm_ident::Recording;
 use pkm_report::Style;
 
 use crate::diagnosis::{SettingsArgs, Stated, Subject, each_once, json, read_recordings, run as run_engine};
-use crate::outputs::{Outputs, folder};
+use crate::outputs::{Outputs, folder, is_stdout};
 use crate::progress::Progress;
 use crate::simulate::controller::ControllerArgs;
 use crate::twins::Simulated;
@@ -24,7 +24,8 @@ Exit status: 0 the diagnosis ran, 1 with --fail-on-mismatch when something was f
 Examples:
   pkm diagnose robot.toml --recording A.csv --holdout B.csv --html out.html
   pkm diagnose robot.toml --recording A.csv --holdout B.csv --controller controller.toml --html out.html
-  pkm diagnose robot.toml --recording A.mcap --recording B.mcap --json out.json --fail-on-mismatch")]
+  pkm diagnose robot.toml --recording A.mcap --recording B.mcap --json out.json --fail-on-mismatch
+  pkm diagnose robot.toml --recording A.csv --holdout B.csv --json - | jq '.findings[].effect'")]
 pub(crate) struct Args {
     /// The robot as it is believed to be: a robot.toml, or the name of a shipped robot.
     robot: PathBuf,
@@ -34,7 +35,7 @@ pub(crate) struct Args {
     /// Recording of another motion to judge on only; may be given several times [default: blocks of each recording].
     #[arg(long = "holdout", value_name = "FILE")]
     holdouts: Vec<PathBuf>,
-    /// Write the verdict here, and the refined robot beside it (OUT.robot.toml and OUT.robot.urdf).
+    /// Write the verdict here, and the refined robot beside it (OUT.robot.toml and OUT.robot.urdf); `-` prints the verdict alone.
     #[arg(long, value_name = "OUT.json")]
     json: Option<PathBuf>,
     /// Write a page with pictures here; it needs no network.
@@ -76,6 +77,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // A controller file that cannot be read must not cost the time of a diagnosis.
     args.controller.read(&description.robot)?;
     let outputs = Outputs::reserve(&targets.all(), &inputs)?;
+    let is_told = !args.quiet && !outputs.takes_stdout();
     let controller = args.controller.path().map_or(Stated::Nothing, Stated::File);
     let subject = Subject { description: &description, file: &file, controller };
     let mut diagnosis = run_engine(&subject, &train, &holdout, &args.settings.settings(), args.quiet)?;
@@ -86,7 +88,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         pkm_diagnose::replay(&mut diagnosis, &description, &all, &twin, &mut |share| progress.update(share));
     }
     targets.publish(&mut diagnosis, &description, outputs)?;
-    if !args.quiet {
+    if is_told {
         let style = if out::is_coloured() { Style::Colour } else { Style::Plain };
         out::say(pkm_report::terminal(&diagnosis, style).trim_end())?;
     }
@@ -120,7 +122,7 @@ impl Targets {
                 ensure!(toml.extension().is_some_and(|e| e == "toml"), "--refined {}: must end in .toml", toml.display());
                 Some([toml.clone(), toml.with_extension("urdf")])
             }
-            None => args.json.as_ref().map(beside_json),
+            None => args.json.as_ref().filter(|json| !is_stdout(json)).map(beside_json),
         };
         Ok(Self { json: args.json.clone(), html: args.html.clone(), refined })
     }
@@ -154,7 +156,7 @@ impl Targets {
 
     /// A file name when both lie in one folder, the path as given without a JSON, an absolute path otherwise.
     fn refined_as_seen_from_json(&self, toml: &Path) -> anyhow::Result<String> {
-        let Some(json) = &self.json else { return Ok(toml.display().to_string()) };
+        let Some(json) = self.json.as_ref().filter(|json| !is_stdout(json)) else { return Ok(toml.display().to_string()) };
         if folder(json) == folder(toml) {
             return Ok(toml.file_name().unwrap_or_default().to_string_lossy().into_owned());
         }

@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 
 use anyhow::bail;
+use clap::builder::PossibleValuesParser;
 use pkm_dyn::effects::{CATALOGUE, Energy, Entry, Parameter, find};
 use pkm_dyn::model::JointKind;
 use serde_json::{Value, json};
@@ -17,10 +18,16 @@ Examples:
   pkm effects friction_stribeck")]
 pub(crate) struct Args {
     /// Show this entry in full, with what it is confused with.
+    #[arg(value_parser = names(), hide_possible_values = true)]
     name: Option<String>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
+}
+
+/// The catalogue's names, for completion and for those who misspell one.
+fn names() -> PossibleValuesParser {
+    PossibleValuesParser::new(CATALOGUE.iter().map(|e| e.name))
 }
 
 /// Runs the verb.

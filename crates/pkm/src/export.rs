@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use anyhow::{Context, ensure};
 use clap::ValueEnum;
 use pkm_dyn::urdf::export::{gepetto, mjcf};
+use serde_json::json;
 
 use crate::outputs::Outputs;
 use crate::{out, robot_file};
@@ -32,6 +33,9 @@ pub(crate) struct Args {
     /// Replace files that exist.
     #[arg(long)]
     force: bool,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -59,7 +63,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     };
     let urdf = args.robot.with_file_name(&description.spec.urdf);
     write(args, &files, &[&args.robot, &urdf])?;
-    let names = files.iter().map(|(path, _)| path.display().to_string()).collect::<Vec<_>>().join(", ");
+    let names: Vec<String> = files.iter().map(|(path, _)| path.display().to_string()).collect();
+    if args.json {
+        let told = json!({"schema": "pkm.export/1", "robot": description.robot.model.name, "files": names, "left_out": notes});
+        out::say(&out::clean(&serde_json::to_string_pretty(&told)?))?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let names = names.join(", ");
     let told = notes.iter().map(|note| format!("\n  note: {note}")).collect::<String>();
     out::say(&out::clean(&format!("{names}{told}")))?;
     Ok(ExitCode::SUCCESS)

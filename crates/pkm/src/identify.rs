@@ -52,7 +52,7 @@ pub(crate) struct Args {
     /// Write the identified robot here; its URDF gets the same name ending in .urdf.
     #[arg(long, value_name = "NAME.identified.toml")]
     out: Option<PathBuf>,
-    /// Write every number here.
+    /// Write every number here; `-` prints them.
     #[arg(long, value_name = "OUT.json")]
     json: Option<PathBuf>,
     /// Write a page with every number here; it needs no network.
@@ -175,8 +175,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(path) = &args.html {
         outputs.write(path, &pkm_report::identification_html(&answer, &beside))?;
     }
+    let is_told = !args.quiet && !outputs.takes_stdout();
     outputs.publish()?;
-    if !args.quiet {
+    if is_told {
         out::say(&out::clean(&said(args, &answer, &beside)))?;
     }
     Ok(if answer.status == Status::NotIdentified { ExitCode::from(NOT_IDENTIFIED) } else { ExitCode::SUCCESS })

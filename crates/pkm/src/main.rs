@@ -6,6 +6,7 @@
 extern crate alloc;
 
 mod check;
+mod completions;
 mod convert;
 mod daemon;
 mod demo;
@@ -17,6 +18,7 @@ mod effects;
 mod excite;
 mod export;
 mod identify;
+mod man;
 mod mu;
 mod order;
 mod out;
@@ -90,12 +92,16 @@ See it work:
   reproduce   Do a paper's experiments again and compare its numbers with ours
   demo        Conceal an effect in a simulated robot and find it again; needs no files
 
+Settle in:
+  completions Print a script that lets a shell complete verbs, flags and values
+  man         Write manual pages
+
 Options:
 {options}
 
 Examples:
-  pkm demo
-  pkm check prs3
+  pkm demo                                                       the whole story, without any file
+  pkm check prs3                                                 do the loops close? what can recordings show?
   pkm simulate prs3 --out A.mcap --hide 'friction_coulomb@q1:coulomb=20'
   pkm diagnose robot.toml --recording A.csv --holdout B.csv --json out.json --html out.html
   pkm identify robot.toml --recording A.csv --holdout B.csv --out better.identified.toml
@@ -104,7 +110,8 @@ Examples:
   pkm export prs3 --format mjcf --out prs3.xml
   pkm daemon daemon.toml
 
-`pkm VERB --help` explains a verb and its flags. Shipped robots can be given by name wherever a ROBOT is asked for.
+`pkm VERB --help` explains a verb and its flags. Shipped robots can be given by name wherever a ROBOT is asked for. `--json` prints JSON;
+where it takes a file, `--json -` does. Colours are for terminals, and NO_COLOR turns them off.
 ";
 
 /// Models of parallel robots, and what their recordings say is missing from them.
@@ -165,6 +172,10 @@ enum Verb {
     Reproduce(reproduce::Args),
     /// Conceal an effect in a simulated robot and find it again.
     Demo(demo::Args),
+    /// Print a script that lets a shell complete verbs, flags and values.
+    Completions(completions::Args),
+    /// Write manual pages.
+    Man(man::Args),
 }
 
 fn main() -> ExitCode {
@@ -197,6 +208,8 @@ fn main() -> ExitCode {
         Verb::DriverSim(args) => driver_sim::run(args),
         Verb::Reproduce(args) => reproduce::run(args),
         Verb::Demo(args) => demo::run(args),
+        Verb::Completions(args) => completions::run(args, Cli::command()),
+        Verb::Man(args) => man::run(args, Cli::command()),
     }));
     match result {
         Ok(Ok(code)) => code,
@@ -247,6 +260,7 @@ fn start_log(verbose: u8) {
     tracing_subscriber::fmt()
         .with_env_filter(tracing_subscriber::EnvFilter::new(level))
         .with_writer(std::io::stderr)
+        .with_ansi(out::takes_colour(&std::io::stderr()))
         .without_time()
         .with_target(false)
         .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))

@@ -33,6 +33,9 @@ pub(crate) struct Args {
     /// The daemon's own daemon.toml [default: the shipped example].
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
+    /// Print the daemon's answer as JSON.
+    #[arg(long)]
+    json: bool,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -75,11 +78,21 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     };
     let answer = match control::ask(&directory, args.order.text()) {
         Ok(answer) => answer,
-        Err(e) => return Ok(refuse(IO, &format!("{}: no daemon answers: {e}", directory.join(control::SOCKET).display()))),
+        Err(e) => {
+            return Ok(refuse(
+                IO,
+                &format!("{}: no daemon answers: {e} (`pkm daemon` starts one)", directory.join(control::SOCKET).display()),
+            ));
+        }
     };
+    if args.json {
+        out::say(answer.trim_end())?;
+    }
     let answer: Value = serde_json::from_str(&answer)?;
     if answer["ok"] == Value::Bool(true) {
-        out::say(args.order.text())?;
+        if !args.json {
+            out::say(args.order.text())?;
+        }
         return Ok(ExitCode::SUCCESS);
     }
     out::error(&format!("{}: {}", args.order.text(), answer["error"].as_str().unwrap_or("refused")));

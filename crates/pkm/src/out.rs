@@ -41,7 +41,14 @@ pub(crate) fn clean(text: &str) -> String {
 
 /// Whether standard output takes colours.
 pub(crate) fn is_coloured() -> bool {
-    std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty())
+    takes_colour(&std::io::stdout())
+}
+
+/// Whether a stream takes colours: a terminal that can, and nobody who asked for none (<https://no-color.org>).
+pub(crate) fn takes_colour(stream: &impl IsTerminal) -> bool {
+    stream.is_terminal()
+        && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty())
+        && std::env::var_os("TERM").is_none_or(|v| v != "dumb")
 }
 
 /// Rows of cells as text with aligned columns, each line indented by two spaces.

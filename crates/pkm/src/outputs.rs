@@ -7,10 +7,17 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, anyhow, bail, ensure};
 use tempfile::NamedTempFile;
 
+use crate::out;
+
+/// Target that means standard output.
+const STDOUT: &str = "-";
+
 /// Files to be written: reserved before a long computation, so that a directory that cannot be written is told at once.
 #[derive(Debug, Default)]
 pub(crate) struct Outputs {
     pending: Vec<Pending>,
+    /// What goes to standard output, where that is a target.
+    printed: Option<String>,
 }
 
 #[derive(Debug)]
@@ -22,14 +29,20 @@ struct Pending {
 }
 
 impl Outputs {
-    /// Checks every target and opens a temporary file beside it. `inputs` are files that must not be overwritten.
+    /// Checks every target and opens a temporary file beside it; `-` is standard output. `inputs` are files that must not be overwritten.
     ///
     /// # Errors
     /// A directory that is missing or cannot be written, a target that is no regular file, that is given twice or that is an input.
     pub(crate) fn reserve(targets: &[PathBuf], inputs: &[&Path]) -> anyhow::Result<Self> {
         let mut pending: Vec<Pending> = Vec::new();
+        let mut printed = None;
         for target in targets {
             let name = target.display();
+            if is_stdout(target) {
+                ensure!(printed.is_none(), "-: standard output is named for two outputs");
+                printed = Some(String::new());
+                continue;
+            }
             ensure!(target.file_name().is_some(), "{name}: not a file name");
             if let Ok(there) = fs::metadata(target) {
                 ensure!(!there.is_dir(), "{name}: is a directory");
@@ -42,7 +55,7 @@ impl Outputs {
             }
             pending.push(Pending { target: target.clone(), file: temporary(target)?, is_written: false });
         }
-        Ok(Self { pending })
+        Ok(Self { pending, printed })
     }
 
     /// Fills a reserved file; it is not yet to be seen.
@@ -50,6 +63,10 @@ impl Outputs {
     /// # Errors
     /// When the file system refuses.
     pub(crate) fn write(&mut self, target: &Path, text: &str) -> anyhow::Result<()> {
+        if let Some(printed) = self.printed.as_mut().filter(|_| is_stdout(target)) {
+            printed.push_str(text);
+            return Ok(());
+        }
         let slot = self.pending.iter_mut().find(|p| p.target == target);
         let pending = slot.ok_or_else(|| anyhow!("{}: not reserved", target.display()))?;
         let file = pending.file.as_file_mut();
@@ -58,7 +75,12 @@ impl Outputs {
         Ok(())
     }
 
-    /// Moves every filled file to its place; reserved ones that were not filled vanish.
+    /// Whether standard output is a target, and words for people have no place there.
+    pub(crate) const fn takes_stdout(&self) -> bool {
+        self.printed.is_some()
+    }
+
+    /// Moves every filled file to its place; reserved ones that were not filled vanish. What was written for standard output is printed last.
     ///
     /// # Errors
     /// When the file system refuses; files that were moved before are taken away again, unless they replaced older ones.
@@ -77,8 +99,16 @@ impl Outputs {
                 new.push(pending.target);
             }
         }
-        Ok(())
+        match self.printed.as_deref().map(str::trim_end) {
+            Some(text) if !text.is_empty() => out::say(text),
+            _ => Ok(()),
+        }
     }
+}
+
+/// Whether a target means standard output; a file of that name is `./-`.
+pub(crate) fn is_stdout(target: &Path) -> bool {
+    target.as_os_str() == STDOUT
 }
 
 fn temporary(target: &Path) -> anyhow::Result<NamedTempFile> {

@@ -76,7 +76,7 @@ pub(crate) struct Args {
     /// Two effects that must be told apart, NAME,NAME or NAME@PLACE,NAME@PLACE; may be given several times.
     #[arg(long, value_name = "PAIR")]
     require: Vec<String>,
-    /// Write the plan here.
+    /// Write the plan here; `-` prints it.
     #[arg(long, value_name = "OUT.json")]
     json: Option<PathBuf>,
     /// Write a page with pictures here; it needs no network.
@@ -139,8 +139,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(path) = &args.html {
         outputs.write(path, &pkm_report::plan_html(&plan, &required))?;
     }
+    let is_told = !args.quiet && !outputs.takes_stdout();
     outputs.publish()?;
-    if !args.quiet {
+    if is_told {
         let style = if out::is_coloured() { Style::Colour } else { Style::Plain };
         out::say(pkm_report::plan_terminal(&plan, &required, style).trim_end())?;
     }

@@ -89,6 +89,9 @@ pub(crate) struct Args {
     /// Stop a diagnosis after this time.
     #[arg(long, value_name = "SECONDS", default_value_t = 900.0, value_parser = crate::diagnosis::positive)]
     timeout: f64,
+    /// Print the scores as JSON, what results.json holds.
+    #[arg(long, conflicts_with = "seal_only")]
+    json: bool,
     /// Print nothing but errors.
     #[arg(long, short)]
     quiet: bool,
@@ -147,10 +150,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
         let names = folder.names()?;
         let seals = folder.seals()?;
-        if !args.quiet {
+        if !args.quiet && !args.json {
             out::say(seal::list(&seals).trim_end())?;
         }
-        out::say(&format!("sealed {} answers; SHA-256 of the list {}", seals.len(), seal::sha256(seal::list(&seals))))?;
+        if !args.json {
+            out::say(&format!("sealed {} answers; SHA-256 of the list {}", seals.len(), seal::sha256(seal::list(&seals))))?;
+        }
         if args.seal_only {
             return Ok(ExitCode::SUCCESS);
         }
@@ -250,8 +255,10 @@ fn score(args: &Args, folder: &Folder) -> anyhow::Result<ExitCode> {
         table += &beside(&marks, &others);
     }
     let title = format!("Blind trials: {} of {} cases, pkm {}", marks.len(), seals.len(), env!("CARGO_PKG_VERSION"));
-    folder.write_scores(&marks, &table, &page(&title, &marks, &table))?;
-    if !args.quiet {
+    let results = folder.write_scores(&marks, &table, &page(&title, &marks, &table))?;
+    if args.json {
+        out::say(&out::clean(results.trim_end()))?;
+    } else if !args.quiet {
         out::say(&out::clean(table.trim_end()))?;
     }
     Ok(ExitCode::SUCCESS)

@@ -51,7 +51,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let answer = match control::ask(&directory, "status") {
             Ok(answer) => answer,
             Err(_) if has_looked => return Ok(ExitCode::SUCCESS),
-            Err(e) => return Ok(refuse(IO, &format!("{}: no daemon answers: {e}", directory.join(control::SOCKET).display()))),
+            Err(e) => {
+                return Ok(refuse(
+                    IO,
+                    &format!("{}: no daemon answers: {e} (`pkm daemon` starts one)", directory.join(control::SOCKET).display()),
+                ));
+            }
         };
         if args.json {
             out::say(&answer)?;

@@ -36,7 +36,7 @@ pub(crate) struct Args {
     /// Number of runs.
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     runs: u64,
-    /// Write the table here as well.
+    /// Write the table here as well; `-` prints it instead of words.
     #[arg(long, value_name = "OUT.json")]
     json: Option<PathBuf>,
     #[command(flatten)]
@@ -90,8 +90,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(path) = &args.json {
         outputs.write(path, &(serde_json::to_string_pretty(&as_json(&description, &runs))? + "\n"))?;
     }
+    let is_told = !args.quiet && !outputs.takes_stdout();
     outputs.publish()?;
-    if !args.quiet {
+    if is_told {
         out::say(&out::clean(&out::table(&rows)))?;
         let alarms = runs.iter().filter(|(_, v)| is_alarm(v)).count();
         out::say(&format!("{alarms} of {} runs with nothing missing gave a false alarm", runs.len()))?;

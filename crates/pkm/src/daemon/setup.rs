@@ -17,9 +17,9 @@ use crate::robot_file;
 
 /// The example that runs where no file is given, with the files it names.
 const SHIPPED: [(&str, &str); 3] = [
-    ("daemon.toml", include_str!("../../../../docs/examples/daemon.toml")),
-    ("controllers/computed_torque_200hz.toml", include_str!("../../../../docs/examples/controllers/computed_torque_200hz.toml")),
-    ("daemon_motion.csv", include_str!("../../../../docs/examples/daemon_motion.csv")),
+    ("daemon.toml", include_str!("../../shipped/daemon.toml")),
+    ("controllers/computed_torque_200hz.toml", include_str!("../../shipped/controllers/computed_torque_200hz.toml")),
+    ("daemon_motion.csv", include_str!("../../shipped/daemon_motion.csv")),
 ];
 
 /// What one file says, and everything it names.

@@ -187,11 +187,13 @@ impl Folder {
     }
 
     /// Writes the scores.
-    pub(super) fn write_scores(&self, marks: &[Marks], table: &str, page: &str) -> anyhow::Result<()> {
+    pub(super) fn write_scores(&self, marks: &[Marks], table: &str, page: &str) -> anyhow::Result<String> {
         let results = json!({"schema": "pkm.proof/1", "pkm": env!("CARGO_PKG_VERSION"), "cases": marks});
-        write(&self.root.join("results.json"), &(serde_json::to_string_pretty(&results)? + "\n"))?;
+        let results = serde_json::to_string_pretty(&results)? + "\n";
+        write(&self.root.join("results.json"), &results)?;
         write(&self.root.join("results.md"), table)?;
-        write(&self.root.join("results.html"), page)
+        write(&self.root.join("results.html"), page)?;
+        Ok(results)
     }
 }
 

@@ -38,6 +38,8 @@ fn a_small_run_is_sealed_diagnosed_scored_and_cannot_be_changed_afterwards() {
         assert!(case["level"] != "L6" || case["is_alarm"] == false, "a healthy robot was accused: {case}");
     }
     assert!(cases.iter().any(|c| c["level"] == "L6") && cases.iter().any(|c| c["level"] == "L1"));
+    let printed = prints(at, &["prove", "--out", "run", "--score-only", "--json"]);
+    assert_eq!(printed, fs::read_to_string(at.join("run/results.json")).unwrap());
 
     // Going on makes nothing anew.
     let before = fs::metadata(at.join("run/runs/0001.json")).unwrap().modified().unwrap();

@@ -12,6 +12,9 @@ use crate::{svg, words};
 /// Dots drawn at most per finding; more only blacken the picture.
 const DOTS_MAX: usize = 1600;
 
+/// Rejected look-alikes that are seen without unfolding the rest.
+const ALIKE_SHOWN: usize = 4;
+
 /// Points of the model's curve at most.
 const CURVE_MAX: usize = 600;
 
@@ -185,21 +188,29 @@ fn look_alikes(look_alikes: &[LookAlike]) -> String {
     if look_alikes.is_empty() {
         return String::new();
     }
-    let mut out = r#"<div class="alike"><h4>Considered and rejected</h4><ul>"#.to_owned();
-    for l in look_alikes {
-        put!(out, "<li><code>{}</code>", esc(&l.effect));
-        if !l.place.is_empty() {
-            put!(out, " at {}", esc(&words::places(&l.place)));
-        }
-        if !l.why_not.is_empty() {
-            put!(out, ": {}", esc(&l.why_not));
-        }
-        if !l.separating_experiment.is_empty() {
-            put!(out, r#"<br><span class="experiment">To be sure: {}</span>"#, esc(&l.separating_experiment));
-        }
-        out.push_str("</li>");
+    let (shown, folded) = look_alikes.split_at(look_alikes.len().min(ALIKE_SHOWN));
+    let list = |all: &[LookAlike]| format!("<ul>{}</ul>", all.iter().map(look_alike).collect::<String>());
+    let mut out = format!(r#"<div class="alike"><h4>Considered and rejected</h4>{}"#, list(shown));
+    if !folded.is_empty() {
+        put!(out, "<details><summary>{} more</summary>{}</details>", folded.len(), list(folded));
     }
-    out.push_str("</ul></div>");
+    out.push_str("</div>");
+    out
+}
+
+/// One of them, why it is not the one, and what would make sure.
+fn look_alike(l: &LookAlike) -> String {
+    let mut out = format!("<li><code>{}</code>", esc(&l.effect));
+    if !l.place.is_empty() {
+        put!(out, " at {}", esc(&words::places(&l.place)));
+    }
+    if !l.why_not.is_empty() {
+        put!(out, ": {}", esc(&l.why_not));
+    }
+    if !l.separating_experiment.is_empty() {
+        put!(out, r#"<br><span class="experiment">To be sure: {}</span>"#, esc(&l.separating_experiment));
+    }
+    out.push_str("</li>");
     out
 }
 

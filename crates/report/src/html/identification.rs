@@ -74,15 +74,20 @@ const DETERMINED: f64 = 0.5;
 /// Relative standard deviation from which on its size says nothing.
 const HOPELESS: f64 = 10.0;
 
-/// A table; heads that end in `#` are of columns of numbers, which stand to the right and are not broken.
+/// A table; heads that end in `#` are of columns of numbers, which stand to the right and are not broken. Where there is little room its
+/// rows become blocks, every cell with its head.
 fn table(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
     let class = |k: usize| if head.get(k).is_some_and(|h| h.ends_with('#')) { r#" class="n""# } else { "" };
-    let mut out = r#"<div class="scroll"><table><thead><tr>"#.to_owned();
+    let label = |k: usize| match head.get(k).map(|h| h.trim_end_matches('#')) {
+        Some(h) if k > 0 && !h.is_empty() => format!(r#" data-label="{h}""#),
+        _ => String::new(),
+    };
+    let mut out = r#"<div class="scroll"><table class="stack named"><thead><tr>"#.to_owned();
     head.iter().enumerate().for_each(|(k, h)| put!(out, "<th{}>{}</th>", class(k), h.trim_end_matches('#')));
     out.push_str("</tr></thead><tbody>");
     for row in rows {
         out.push_str("<tr>");
-        row.iter().enumerate().for_each(|(k, cell)| put!(out, "<td{}>{cell}</td>", class(k)));
+        row.iter().enumerate().for_each(|(k, cell)| put!(out, "<td{}{}>{cell}</td>", class(k), label(k)));
         out.push_str("</tr>");
     }
     out.push_str("</tbody></table></div>");

@@ -94,7 +94,7 @@ fn joints(joints: &[HeldoutJoint]) -> String {
         return String::new();
     }
     let mut out = concat!(
-        r#"<div class="scroll"><table><thead><tr><th>joint</th><th class="n">rms measured</th><th class="n">as given</th>"#,
+        r#"<div class="scroll"><table class="params"><thead><tr><th>joint</th><th class="n">rms measured</th><th class="n">as given</th>"#,
         r#"<th class="n">refitted</th><th class="n">with the findings</th><th>unit</th><th class="n">error left</th></tr></thead><tbody>"#
     )
     .to_owned();

@@ -10,6 +10,9 @@ use crate::words;
 /// Rows of the table of rejected candidates at most; the rest is counted.
 const RULED_OUT_MAX: usize = 60;
 
+/// Rejected candidates that are seen without unfolding the rest.
+const RULED_OUT_SHOWN: usize = 8;
+
 /// Names in order of first appearance.
 fn distinct<'a>(names: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
     names.fold(Vec::new(), |mut seen, name| {
@@ -83,24 +86,32 @@ pub(super) fn ruled_out(evidence: &Evidence) -> String {
             num(&significant(p99, 2))
         );
     }
-    out.push_str(concat!(
-        r#"<div class="scroll"><table><thead><tr><th>candidate</th><th>where</th><th class="n">gain</th><th class="n">above chance</th>"#,
-        r#"<th class="n">folds won</th><th>why it is no finding</th></tr></thead><tbody>"#
-    ));
-    for s in evidence.ruled_out.iter().take(RULED_OUT_MAX) {
-        out.push_str(&screened(s));
+    let listed = &evidence.ruled_out[..evidence.ruled_out.len().min(RULED_OUT_MAX)];
+    let (shown, folded) = listed.split_at(listed.len().min(RULED_OUT_SHOWN));
+    out.push_str(&candidates(shown));
+    if !folded.is_empty() {
+        put!(out, "<details><summary>{} more candidates</summary>{}</details>", folded.len(), candidates(folded));
     }
-    out.push_str("</tbody></table></div>");
     if evidence.ruled_out.len() > RULED_OUT_MAX {
         put!(out, r#"<p class="soft">{} weaker candidates are not listed.</p>"#, evidence.ruled_out.len() - RULED_OUT_MAX);
     }
     out
 }
 
+/// A table of rejected candidates.
+fn candidates(rows: &[Screened]) -> String {
+    let head = concat!(
+        r#"<div class="scroll"><table class="stack"><thead><tr><th>candidate</th><th>where</th><th class="n">gain</th>"#,
+        r#"<th class="n">above chance</th><th class="n">folds won</th><th>why it is no finding</th></tr></thead><tbody>"#
+    );
+    let rows: String = rows.iter().map(screened).collect();
+    format!("{head}{rows}</tbody></table></div>")
+}
+
 /// One rejected candidate.
 fn screened(s: &Screened) -> String {
     format!(
-        r#"<tr><th><code>{}</code></th><td>{}</td><td class="n">{}</td><td class="n">{} σ</td><td class="n">{} of {}</td><td class="wide">{}</td></tr>"#,
+        r#"<tr><th><code>{}</code></th><td>{}</td><td class="n" data-label="gain">{}</td><td class="n">{} σ</td><td class="n" data-label="folds">{} of {}</td><td class="wide">{}</td></tr>"#,
         esc(&s.effect),
         esc(&words::places(&s.place)),
         num(&percent(s.gain)),
@@ -122,7 +133,7 @@ pub(super) fn detectable(sizes: &[Detectable]) -> String {
         return String::new();
     }
     let mut out = concat!(
-        r#"<p class="soft">Smaller effects than these may be there: they would not show.</p><div class="scroll"><table>"#,
+        r#"<p class="soft">Smaller effects than these may be there: they would not show.</p><div class="scroll"><table class="stack">"#,
         r#"<thead><tr><th>effect</th><th>where</th><th>parameter</th><th class="n">smallest visible</th><th>unit</th><th>in words</th></tr></thead><tbody>"#
     )
     .to_owned();

@@ -1,0 +1,163 @@
+//! `cargo xtask benches`: every side-by-side measurement in turn, and their ratios in one table, docs/BENCHES.md.
+
+use std::fs;
+
+use crate::peers::{self, END};
+use crate::shell::{root, timed};
+
+/// Where the measurements leave their tables.
+const TABLES: &str = "benches/README.md";
+
+/// Where the ratios go.
+const SUMMARY: &str = "docs/BENCHES.md";
+
+/// A measurement beside another program.
+struct Measurement {
+    /// Its command, and the mark of its table.
+    command: &'static str,
+    /// What is measured, and beside what.
+    says: &'static str,
+    work: fn(&[&str]) -> Result<(), String>,
+    ratios: fn(&[Row]) -> Vec<Ratio>,
+}
+
+/// Cells of a line of a table.
+type Row = Vec<String>;
+
+/// Of ours to theirs, and what it is about.
+type Ratio = (String, f64);
+
+const ALL: [Measurement; 3] = [
+    Measurement {
+        command: "peers",
+        says: "mechanics, time per call, beside Pinocchio's C++",
+        work: peers::peers,
+        ratios: |rows| column(rows, "ours / their best"),
+    },
+    Measurement {
+        command: "slicot",
+        says: "structured singular values, time per bound, beside SLICOT's AB13MD",
+        work: peers::slicot,
+        ratios: |rows| column(rows, "ours / theirs"),
+    },
+    Measurement {
+        command: "identify-peers",
+        says: "identification, time from recordings to parameters, beside cvxpy, scipy, figaroh",
+        work: peers::identify,
+        ratios: identified,
+    },
+];
+
+/// Runs every measurement, then writes the ratios; with `--table` the ratios alone, from the tables that are there.
+pub(crate) fn benches(rest: &[&str]) -> Result<(), String> {
+    match rest {
+        [] => {
+            for m in &ALL {
+                println!("== {}: {}", m.command, m.says);
+                let (outcome, duration) = timed(|| (m.work)(&[]));
+                outcome.map_err(|e| format!("{}: {e}", m.command))?;
+                println!("   {:.0} s", duration.as_secs_f64());
+            }
+        }
+        ["--table"] => {}
+        [other, ..] => return Err(format!("unexpected argument {other:?} (--table)")),
+    }
+    let tables = fs::read_to_string(root().join(TABLES)).map_err(|e| format!("{TABLES}: {e}"))?;
+    let text = summary(&tables)?;
+    fs::write(root().join(SUMMARY), &text).map_err(|e| format!("{SUMMARY}: {e}"))?;
+    println!("{text}");
+    Ok(())
+}
+
+/// The page of ratios.
+fn summary(tables: &str) -> Result<String, String> {
+    let mut out = format!(
+        "# Beside other programs\n\nRatios of our time to the other program's in one run on one machine; below one is faster. Written by\n\
+         `cargo xtask benches`, which runs every measurement in turn; the full tables, with what was done and what was compared number by\n\
+         number, are in {TABLES}. A commit with `+changes` had files that were not committed.\n\n\
+         | measurement | cases | fastest | median | slowest | slower in | commit |\n|---|---|---|---|---|---|---|\n"
+    );
+    let mut slower = String::new();
+    let mut machines: Vec<String> = Vec::new();
+    for m in &ALL {
+        let (head, rows) = table(tables, m.command).ok_or_else(|| format!("{TABLES}: no table of {}", m.command))?;
+        let mut ratios = (m.ratios)(&rows);
+        ratios.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let (Some(first), Some(last)) = (ratios.first(), ratios.last()) else {
+            return Err(format!("{TABLES}: {} has no ratio", m.command));
+        };
+        let over: Vec<&Ratio> = ratios.iter().filter(|r| r.1 > 1.0).collect();
+        let commit = head.split("commit ").nth(1).unwrap_or("unknown").trim_end_matches('.');
+        out += &format!(
+            "| {} | {} | {:.2} | {:.2} | {:.2} | {} of {} | {commit} |\n",
+            m.says,
+            ratios.len(),
+            first.1,
+            ratios[ratios.len() / 2].1,
+            last.1,
+            over.len(),
+            ratios.len()
+        );
+        over.iter().for_each(|(what, ratio)| slower += &format!("- {what}: {ratio:.2}\n"));
+        let machine = head.split("; commit").next().unwrap_or(&head).to_string();
+        machines.push(format!("- {}: {machine}", m.command));
+    }
+    if !slower.is_empty() {
+        out += &format!("\nWhere the other program is faster:\n\n{slower}");
+    }
+    out += &format!("\nMachines and versions:\n\n{}\n", machines.join("\n"));
+    Ok(out)
+}
+
+/// The first line after a command's mark, and the rows of all its tables, heads included.
+fn table(text: &str, command: &str) -> Option<(String, Vec<Row>)> {
+    let (_, rest) = text.split_once(&format!("<!-- cargo xtask {command} -->"))?;
+    let (part, _) = rest.split_once(END)?;
+    let head = part.lines().find(|l| !l.trim().is_empty())?.to_string();
+    let cells = |line: &str| line.trim_matches('|').split('|').map(|c| c.trim().to_string()).collect();
+    Some((head, part.lines().filter(|l| l.starts_with('|') && !l.starts_with("|---")).map(cells).collect()))
+}
+
+/// Numbers of a column, in the tables that have it, named by the two cells before everything else.
+fn column(rows: &[Row], name: &str) -> Vec<Ratio> {
+    let (mut k, mut width, mut out) = (None, 0, Vec::new());
+    for row in rows {
+        if let Some(found) = row.iter().position(|cell| cell == name) {
+            (k, width) = (Some(found), row.len());
+        } else if let Some(number) = k.filter(|_| row.len() == width).and_then(|k| row[k].parse().ok()) {
+            out.push((row[..2.min(row.len())].join(", "), number));
+        }
+    }
+    out
+}
+
+/// Time of `sdp` over that of every peer.
+fn identified(rows: &[Row]) -> Vec<Ratio> {
+    let seconds = |row: &Row| row.get(1).and_then(|cell| cell.strip_suffix(" s")).and_then(|s| s.parse::<f64>().ok());
+    let Some(ours) = rows.iter().find(|r| r[0].starts_with("pkm, `sdp`")).and_then(seconds) else { return Vec::new() };
+    let peers = rows.iter().filter(|r| !r[0].contains("pkm"));
+    peers.filter_map(|row| seconds(row).map(|theirs| (row[0].clone(), ours / theirs))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TABLES: &str = "x\n<!-- cargo xtask peers -->\nCPU; commit abc, 2026-01-01.\n\n| robot | algorithm | ours / their best |\n|---|---|---|\n\
+        | a | rnea | 0.50 |\n| a | crba | 1.25 |\n<!-- end -->\n<!-- cargo xtask slicot -->\nCPU; commit abc, d.\n| p | n | ours / theirs |\n|---|---|---|\n\
+        | m | 2 | 0.1 |\n<!-- end -->\n<!-- cargo xtask identify-peers -->\nCPU; commit abc, d.\n| i | t |\n|---|---|\n| pkm, `sdp` | 1.0 s |\n\
+        | pkm, `wls` | 9.0 s |\n| cvxpy | 2.0 s |\n<!-- end -->\n";
+
+    #[test]
+    fn ratios_are_read_from_the_tables_and_losses_are_told() {
+        let page = summary(TABLES).unwrap();
+        assert!(page.contains("| 2 | 0.50 | 1.25 | 1.25 | 1 of 2 | abc, 2026-01-01 |"), "{page}");
+        assert!(page.contains("- a, crba: 1.25\n") && !page.contains("rnea: 0.5"), "{page}");
+        assert!(page.contains("| 1 | 0.50 | 0.50 | 0.50 | 0 of 1 |"), "identification: {page}");
+    }
+
+    #[test]
+    fn a_table_without_ratios_is_an_error() {
+        assert!(summary(&TABLES.replace("ours / theirs", "ours")).is_err());
+    }
+}

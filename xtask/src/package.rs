@@ -1,0 +1,109 @@
+//! `cargo xtask package`: everything that publishing does but the upload, of every crate in order, and of the wheel.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::python;
+use crate::shell::{answer, cargo, program, root, run, target};
+
+/// What must lie at the root of a project that others are to use.
+const FILES: [&str; 6] = ["LICENSE-MIT", "LICENSE-APACHE", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff"];
+
+/// Keys that a registry asks for or shows.
+const KEYS: [&str; 4] = ["description", "license", "keywords", "categories"];
+
+/// Packages crates and wheel. With `--no-verify` the packages are not compiled, with `--no-wheel` the wheel is left out.
+pub(crate) fn package(rest: &[&str]) -> Result<(), String> {
+    if let Some(other) = rest.iter().find(|o| !["--no-verify", "--no-wheel"].contains(*o)) {
+        return Err(format!("unexpected argument {other:?} (--no-verify, --no-wheel)"));
+    }
+    for file in FILES {
+        let length = fs::metadata(root().join(file)).map_err(|e| format!("{file}: {e}"))?.len();
+        println!("   {file}: {length} bytes");
+    }
+    metadata()?;
+    // In the order in which they depend on each other, against an overlay of the registry that holds those before; a tree that is not
+    // committed can be tried as well.
+    let mut command =
+        cargo("package --workspace --exclude xtask --exclude pkm-tests --exclude pkm-benches --exclude pkm-python --allow-dirty");
+    command.args(rest.iter().filter(|o| **o == "--no-verify"));
+    run(command.env("CARGO_TARGET_DIR", target().join("packages")))?;
+    if !rest.contains(&"--no-wheel") {
+        wheel()?;
+    }
+    println!("   nothing was uploaded");
+    Ok(())
+}
+
+/// Says which of a registry's keys each crate lacks.
+fn metadata() -> Result<(), String> {
+    let workspace = fs::read_to_string(root().join("Cargo.toml")).map_err(|e| format!("Cargo.toml: {e}"))?;
+    let manifests = manifests()?;
+    let mut without = 0;
+    for manifest in &manifests {
+        let text = fs::read_to_string(manifest).map_err(|e| format!("{}: {e}", manifest.display()))?;
+        if let Some(key) = KEYS.iter().find(|key| !has(&text, &workspace, key)) {
+            return Err(format!("{}: no {key} in [package]", manifest.display()));
+        }
+        without += usize::from(!has(&text, &workspace, "repository"));
+    }
+    if without > 0 {
+        println!("   {without} of {} crates have no repository: a registry takes them, and warns", manifests.len());
+    }
+    Ok(())
+}
+
+/// Whether a manifest states a key, by itself or by the workspace.
+fn has(manifest: &str, workspace: &str, key: &str) -> bool {
+    let states = |text: &str| text.lines().any(|l| l.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with('=')));
+    states(manifest) || manifest.lines().any(|l| l.trim() == format!("{key}.workspace = true")) && states(workspace)
+}
+
+/// Manifests of the crates that are published.
+fn manifests() -> Result<Vec<PathBuf>, String> {
+    let crates = root().join("crates");
+    let entries = fs::read_dir(&crates).map_err(|e| format!("{}: {e}", crates.display()))?;
+    let mut out: Vec<PathBuf> = entries.flatten().map(|e| e.path().join("Cargo.toml")).filter(|p| p.is_file()).collect();
+    out.push(root().join("robots/Cargo.toml"));
+    out.sort();
+    Ok(out)
+}
+
+/// The wheel as it would be uploaded, looked at by the registry's own checker.
+fn wheel() -> Result<(), String> {
+    let programs = python::environment()?;
+    let wheel = python::build(&programs, &["--release"])?;
+    python::install(&programs, &["twine"])?;
+    run(program(programs.join("python"), &["-m", "twine", "check", "--strict"]).arg(&wheel))?;
+    println!("   {}", shown(&wheel));
+    Ok(())
+}
+
+/// A path with its size.
+fn shown(path: &Path) -> String {
+    let size = fs::metadata(path).map_or(0, |m| m.len()) / 1024;
+    let version = answer(&mut program("uname", &["-m"])).unwrap_or_default();
+    format!("{}, {size} KiB, {version}", path.display())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_counts_where_it_is_stated() {
+        let workspace = "license = \"MIT\"\n";
+        assert!(has("license.workspace = true\n", workspace, "license") && has("license = \"MIT\"\n", "", "license"));
+        assert!(!has("license.workspace = true\n", "", "license") && !has("name = \"license\"\n", workspace, "license"));
+    }
+
+    #[test]
+    fn every_crate_but_those_for_development_is_published() {
+        let names: Vec<String> = manifests().unwrap().iter().map(|p| fs::read_to_string(p).unwrap()).collect();
+        assert!(names.len() >= 15 && names.iter().all(|text| text.contains("publish.workspace = true")));
+        for folder in ["xtask", "tests", "benches", "python"] {
+            let text = fs::read_to_string(root().join(folder).join("Cargo.toml")).unwrap();
+            assert!(text.contains("publish = false"), "{folder}");
+        }
+    }
+}
