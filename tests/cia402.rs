@@ -1,4 +1,4 @@
-//! Drives of the profile CiA 402 behind a fieldbus, beside drives made here by the tables of IEC 61800-7-201: how they are brought to operation,
+//! Drives of the profile `CiA 402` behind a fieldbus, beside drives made here by the tables of IEC 61800-7-201: how they are brought to operation,
 //! what numbers mean, faults, a bus that falls silent, and the contract of hardware.
 
 use pkm_hal::backends::cia402::{Cia402, DriveInputs, DriveOutputs, DriveScale, DriveState, Fieldbus};
@@ -132,7 +132,7 @@ fn statuswords_are_told_apart_as_the_standard_has_them() {
 fn efforts_bring_drives_to_operation_step_by_step_and_off_takes_their_voltage() {
     let clock = ManualClock::new(1);
     let mut robot = robot::<3>(&clock);
-    let mut pass = |robot: &mut Cia402<_, 3>, cycles: u32| {
+    let pass = |robot: &mut Cia402<_, 3>, cycles: u32| {
         (0..cycles).for_each(|_| {
             clock.advance(1_000_000);
             let _ = Backend::read(robot);

@@ -1,6 +1,6 @@
-//! Drives of the profile CiA 402 (IEC 61800-7-201) in cyclic synchronous torque mode, behind any fieldbus that exchanges process images.
+//! Drives of the profile `CiA 402` (IEC 61800-7-201) in cyclic synchronous torque mode, behind any fieldbus that exchanges process images.
 //!
-//! The bus itself is a [`Fieldbus`]: EtherCAT, CANopen, or in tests a table of numbers. What a position counter and a per mille of rated
+//! The bus itself is a [`Fieldbus`]: `EtherCAT`, `CANopen`, or in tests a table of numbers. What a position counter and a per mille of rated
 //! torque mean is a [`DriveScale`] for each drive. docs/DRIVERS.md builds a whole driver on it.
 
 use crate::backend::{Backend, HalError};
