@@ -42,7 +42,11 @@ impl Load {
         let is_over = std::sync::Arc::new(AtomicBool::new(false));
         for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
             let told = std::sync::Arc::clone(&is_over);
-            std::thread::spawn(move || while !told.load(Ordering::Relaxed) {});
+            std::thread::spawn(move || {
+                while !told.load(Ordering::Relaxed) {
+                    core::hint::spin_loop();
+                }
+            });
         }
         Self { is_over }
     }

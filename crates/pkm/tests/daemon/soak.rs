@@ -39,7 +39,11 @@ fn a_long_run_loses_nothing_grows_by_nothing_and_comes_back_to_the_bit() {
     fs::write(site.dir.path().join("motion.csv"), format!("t,q_ref.q1,q_ref.q6,q_ref.q8\n{rows}")).unwrap();
     let is_over = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        scope.spawn(|| while !is_over.load(Ordering::Relaxed) {});
+        scope.spawn(|| {
+            while !is_over.load(Ordering::Relaxed) {
+                core::hint::spin_loop();
+            }
+        });
         run(&site, seconds);
         is_over.store(true, Ordering::Relaxed);
     });
