@@ -1,6 +1,7 @@
 //! `cargo xtask latency`: how late a loop wakes, what it computes, and how long it takes to a robot in another process and back, idle and beside
 //! work on every core, in one run; the table in benches/README.md written anew.
 
+use alloc::sync::Arc;
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use std::fs::{self, File};
@@ -34,14 +35,14 @@ pub(crate) fn latency(rest: &[&str]) -> Result<(), String> {
 
 /// One busy loop per core, with ordinary rights, for as long as it lives.
 struct Load {
-    is_over: std::sync::Arc<AtomicBool>,
+    is_over: Arc<AtomicBool>,
 }
 
 impl Load {
     fn start() -> Self {
-        let is_over = std::sync::Arc::new(AtomicBool::new(false));
+        let is_over = Arc::new(AtomicBool::new(false));
         for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
-            let told = std::sync::Arc::clone(&is_over);
+            let told = Arc::clone(&is_over);
             std::thread::spawn(move || {
                 while !told.load(Ordering::Relaxed) {
                     core::hint::spin_loop();

@@ -1,6 +1,8 @@
 //! `cargo xtask`: everything CI runs, and the other chores of the repository. Needs nothing beyond the standard library.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "a command for the terminal")]
 
+extern crate alloc;
+
 mod checks;
 mod chores;
 mod latency;
