@@ -1,11 +1,14 @@
 //! `cargo xtask`: everything CI runs, and the other chores of the repository. Needs nothing beyond the standard library.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "a command for the terminal")]
 
+extern crate alloc;
+
 mod atlas;
 mod benches;
 mod checks;
 mod chores;
 mod guide;
+mod latency;
 mod nostd;
 mod package;
 mod peers;
@@ -30,6 +33,7 @@ cargo xtask prove-baselines DIR [NAME ...]  other methods on the blind trials th
 cargo xtask package [--no-verify] [--no-wheel]  all that publishing does but the upload: every crate in order, and the wheel
 cargo xtask atlas [EFFECT ...]  numbers and pictures of the guide's pages on effects
 cargo xtask guide [PAGE ...]  every command of the guide, each page in a folder of its own; without a page the book as well
+cargo xtask latency [S]       wake-ups, computing, shared memory there and back, idle and loaded, into benches/README.md
 cargo xtask wheel             the Python wheel, optimised, into target/wheels/
 cargo xtask golden            the golden files of tests/, anew, with Pinocchio
 
@@ -46,6 +50,7 @@ fn main() -> ExitCode {
         Some("identify-peers") => peers::identify(&rest),
         Some("diagnose-times") => times::diagnosis(&rest),
         Some("prove-baselines") => peers::prove_baselines(&rest),
+        Some("latency") => latency::latency(&rest),
         Some("long") => chores::long(&rest),
         Some("benches") => benches::benches(&rest),
         Some("package") => package::package(&rest),
