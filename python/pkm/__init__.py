@@ -3,7 +3,7 @@
 Arrays are C-ordered (n_samples, n_joints), float64, SI units. Names are those of the Rust crates.
 """
 
-from . import evidence, plot, robots, verdict
+from . import evidence, plot, progress, prove, robots, verdict
 from ._pkm import (
     Controller,
     Excitation,
@@ -39,6 +39,8 @@ __all__ = [
     "load",
     "mu",
     "plot",
+    "progress",
+    "prove",
     "read",
     "robots",
     "simulate",

@@ -1,14 +1,19 @@
 """The compiled part of the package `pkm`; use `pkm` itself."""
 
 import os
-from collections.abc import Callable, Sequence
-from typing import Any, Final, Literal, TypedDict, final, type_check_only
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final, Literal, TypedDict, final, type_check_only
 
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
 from .evidence import Evidence
+from .progress import Progress
 from .verdict import Finding, Verdict
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 __all__ = [
     "Controller",
@@ -22,10 +27,13 @@ __all__ = [
     "diagnose",
     "effects",
     "excite",
+    "judge_trial",
     "load",
     "load_shipped",
+    "make_trial",
     "mu",
     "read",
+    "score_trials",
     "shipped_names",
     "simulate",
     "write",
@@ -293,6 +301,9 @@ class Robot:
     def friction_regressor(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
         """Columns [rotor | viscous | Coulomb] of every joint, passive ones included, (n_samples, independent, 3 * nv)."""
 
+    def joint_effort(self, joint: str, v: ArrayLike, *, q: float = 0.0, load: float = 0.0) -> NDArray[numpy.float64]:
+        """Effort of one joint's own laws [N | N·m], friction of the URDF and effects of the file, (n_samples,); zero at rest."""
+
     def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
         """Effort of the drives [N | N·m], (n_samples, n_act): rigid bodies and rotor inertia. Arguments (n_samples, n_act)."""
 
@@ -336,6 +347,17 @@ class Robot:
     def with_effect(self, name: str, where: str, **parameters: float) -> Robot:
         """The same robot with one more effect of the library at a joint or link; parameters SI."""
 
+    def texts(self) -> tuple[str, str]:
+        """The robot as the texts of its robot.toml and of its URDF, every effect included: what `from_texts` reads."""
+
+    @classmethod
+    def from_texts(cls, toml: str, urdf: str) -> Robot:
+        """A robot from the texts of a robot.toml and of the URDF that it names."""
+
+    def unit(self, signal: str) -> str | None:
+        """Unit of a signal of this robot's recordings, by its name (`q.<joint>`, ...); None where that says nothing."""
+
+    def __reduce__(self) -> tuple[Any, tuple[str, str]]: ...
     def to_mjcf(self) -> str:
         """The robot as MJCF, for MuJoCo; its closed assembly is the keyframe `home`. Comments at the head say what is not in it."""
 
@@ -374,6 +396,21 @@ class Recording:
     def __getitem__(self, name: str, /) -> NDArray[numpy.float64]:
         """One signal, shape (n_samples,); read-only."""
 
+    def to_pandas(self, robot: Robot | None = None) -> pandas.DataFrame:
+        """A column per signal over `time`; units in `attrs`, those of joints with the `robot`. Needs pandas."""
+
+    def to_xarray(self, robot: Robot | None = None) -> xarray.Dataset:
+        """A variable per signal over `time`; units in `attrs`, those of joints with the `robot`. Needs xarray."""
+
+    @staticmethod
+    def from_pandas(frame: pandas.DataFrame) -> Recording:
+        """The index, or the column `t` or `time`, is time [s], every other column a signal."""
+
+    @staticmethod
+    def from_xarray(dataset: xarray.Dataset) -> Recording:
+        """The coordinate `time` is time [s], every variable over it alone a signal."""
+
+    def __getnewargs_ex__(self) -> tuple[tuple[Any, ...], dict[str, Any]]: ...
     def __contains__(self, name: str, /) -> bool: ...
     def __len__(self) -> int: ...
 
@@ -405,8 +442,21 @@ class Identification:
         `rate_hz`, averaged over `period_s`, efforts moved by `late_s` or by an estimate within `find_late_s` to either side.
         """
 
-    def fit(self, recordings: Recording | Sequence[Recording], *, holdout: Recording | Sequence[Recording] | None = None) -> Identification:
+    def fit(
+        self,
+        recordings: Recording | Sequence[Recording],
+        *,
+        holdout: Recording | Sequence[Recording] | None = None,
+        progress: Progress = None,
+    ) -> Identification:
         """Learns from recordings, judges on `holdout` (without it, on every second of ten blocks of each), returns itself."""
+
+    def get_params(self) -> dict[str, Any]:
+        """The keywords of the constructor with their values."""
+
+    def __getnewargs_ex__(self) -> tuple[tuple[Robot], dict[str, Any]]: ...
+    def __getstate__(self) -> bytes | None: ...
+    def __setstate__(self, state: bytes) -> None: ...
 
     @property
     def status_(self) -> str:
@@ -549,7 +599,7 @@ def excite(
     draws: int = 25,
     iterations: int = 150,
     seed: int = 1,
-    progress: Callable[[float], Any] | None = None,
+    progress: Progress = None,
 ) -> Excitation:
     """Looks for a periodic motion that shows a robot's parameters as well as its limits allow, or tells two effects apart.
 
@@ -586,12 +636,31 @@ class Report:
         """The refined robot itself, with every finding in it."""
 
     def _repr_html_(self) -> str: ...
+    @classmethod
+    def _from_bytes(cls, bytes: bytes) -> Report: ...
+    def __reduce__(self) -> tuple[Any, tuple[bytes]]: ...
 
 def load(path: str | os.PathLike[str]) -> Robot:
     """Reads the robot.toml at `path` and the URDF it names."""
 
 def effects() -> list[CatalogueEntry]:
     """The effects of the library, in the order in which equal explanations are preferred."""
+
+def make_trial(
+    number: int,
+    seed: int,
+    *,
+    levels: Sequence[str] = ...,
+    robots: Sequence[str] = ...,
+    sizes: Sequence[float] = ...,
+) -> tuple[dict[str, str], str]:
+    """A case of the blind trials: its public files by name, and its answer as JSON, which is to be sealed."""
+
+def judge_trial(case: str, answer: str, verdict: str | None, ran: str) -> str:
+    """Judges a verdict against an opened answer; all JSON, the marks as well."""
+
+def score_trials(marks: Sequence[str]) -> str:
+    """Counts marks (JSON of each case) as the table of docs/PROOF.md, in Markdown."""
 
 def shipped_names() -> list[str]:
     """Names of the shipped robots."""
@@ -618,6 +687,7 @@ def simulate(
     encoder_noise: float | None = None,
     effort_noise: float | None = None,
     name: str | None = None,
+    progress: Progress = None,
 ) -> Recording:
     """Moves `truth` under a controller that knows only `nominal` and returns what a recorder would have written."""
 
@@ -629,7 +699,7 @@ def diagnose(
     band_hz: float | None = None,
     floor: float | None = None,
     seed: int | None = None,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
 ) -> Report:
     """Compares recordings with the robot's model: where they differ, which physics is missing, how much, how much better it fits."""
 

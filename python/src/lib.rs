@@ -13,12 +13,17 @@ mod error;
 mod evidence;
 mod excitation;
 mod identification;
+mod learned;
+mod long;
 mod mechanics;
 mod motion;
 mod mu;
 mod recording;
 mod robots;
 mod simulation;
+mod state;
+mod trials;
+mod units;
 mod workspace;
 
 use pyo3::prelude::*;
@@ -44,6 +49,8 @@ mod _pkm {
     use super::robots::{load_shipped, shipped_names};
     #[pymodule_export]
     use super::simulation::simulate;
+    #[pymodule_export]
+    use super::trials::{judge_trial, make_trial, score_trials};
 
     /// Version of the package.
     #[expect(non_upper_case_globals, reason = "the name every Python package uses")]

@@ -1,21 +1,24 @@
 //! Recordings of simulated robots.
 
+use alloc::sync::Arc;
+
 use pkm_sim::Scenario;
 use pyo3::prelude::*;
 
 use crate::dynamics::Robot;
 use crate::error;
+use crate::long::{self, Progress};
 use crate::recording::Recording;
 
 /// Moves `truth` under a controller that knows only `nominal` and returns what a recorder would have written.
 ///
 /// `seed`: of motion and noise (1); `duration_s`: length `[s]` (20); `rate_hz`: of the recording `[Hz]` (500); `period_s`: of the
 /// motion `[s]` (5); `amplitude`: share of the travel used, 0 to 1 (0.6); `encoder_resolution`, `encoder_noise`: `[m | rad]` (1e-6
-/// both); `effort_noise`: standard deviation as a share of the effort's rms (0.01); `name`: of the recording. The same
-/// arguments give the same bits.
+/// both); `effort_noise`: standard deviation as a share of the effort's rms (0.01); `name`: of the recording; `progress`: called with
+/// the share done, 0 to 1, or True for a bar. The same arguments give the same bits.
 #[pyfunction]
 #[pyo3(signature = (truth, nominal, *, seed = None, duration_s = None, rate_hz = None, period_s = None, amplitude = None,
-    encoder_resolution = None, encoder_noise = None, effort_noise = None, name = None))]
+    encoder_resolution = None, encoder_noise = None, effort_noise = None, name = None, progress = None))]
 #[expect(clippy::too_many_arguments, reason = "keywords in Python: the fields of a scenario by name")]
 pub(crate) fn simulate(
     py: Python<'_>,
@@ -30,6 +33,7 @@ pub(crate) fn simulate(
     encoder_noise: Option<f64>,
     effort_noise: Option<f64>,
     name: Option<String>,
+    progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Recording> {
     let usual = Scenario::default();
     let scenario = Scenario {
@@ -43,8 +47,10 @@ pub(crate) fn simulate(
         effort_noise: effort_noise.unwrap_or(usual.effort_noise),
         plant: pkm_sim::PlantKind::Auto,
     };
-    let (truth, nominal) = (truth.get().description(), nominal.get().description());
-    let mut signals = py.detach(|| pkm_sim::run(&truth.robot, &nominal.robot, &scenario, &mut |_| {})).map_err(|e| error::sim(&e))?;
+    let progress = Progress::of(py, progress, "simulating")?;
+    let [truth, nominal] = [truth, nominal].map(|r| Arc::clone(r.get().description()));
+    let ran = long::run(py, &progress, move |told| pkm_sim::run(&truth.robot, &nominal.robot, &scenario, &mut |share| told(share)))?;
+    let mut signals = ran.map_err(|e| error::sim(&e))?;
     if let Some(name) = name {
         signals.name = name;
     }
