@@ -32,7 +32,9 @@ __all__ = [
     "load_shipped",
     "make_trial",
     "mu",
+    "papers",
     "read",
+    "reproduce",
     "score_trials",
     "shipped_names",
     "simulate",
@@ -662,6 +664,51 @@ def judge_trial(case: str, answer: str, verdict: str | None, ran: str) -> str:
 def score_trials(marks: Sequence[str]) -> str:
     """Counts marks (JSON of each case) as the table of docs/PROOF.md, in Markdown."""
 
+@type_check_only
+class PaperRow(TypedDict):
+    """One number of a paper and ours; `target` and `limit` are what ours is held against, as `gate` says."""
+
+    place: str
+    what: str
+    ours: float
+    paper: float | None
+    gate: Literal["within", "at most", "at least", "told"]
+    limit: float | None
+    target: float
+    verdict: Literal["reproduced", "conclusion holds", "not reproducible", "MISSED"]
+    why: str
+
+@type_check_only
+class PaperLine(TypedDict):
+    """A line of a plot."""
+
+    label: str
+    x: NDArray[numpy.float64]
+    y: NDArray[numpy.float64]
+
+@type_check_only
+class PaperPlot(TypedDict):
+    """A plot, at most three lines."""
+
+    title: str
+    x_label: str
+    y_label: str
+    lines: list[PaperLine]
+
+@type_check_only
+class Reproduction(TypedDict):
+    """A paper's experiments, done again."""
+
+    title: str
+    rows: list[PaperRow]
+    plots: list[PaperPlot]
+
+def papers() -> list[str]:
+    """Keys of the papers that `reproduce` knows, in the order of their years."""
+
+def reproduce(paper: str, *, progress: Progress = None) -> Reproduction:
+    """Does a paper's experiments again: every number of its against ours, and its plots."""
+
 def shipped_names() -> list[str]:
     """Names of the shipped robots."""
 
@@ -687,9 +734,13 @@ def simulate(
     encoder_noise: float | None = None,
     effort_noise: float | None = None,
     name: str | None = None,
+    reference: Recording | None = None,
     progress: Progress = None,
 ) -> Recording:
-    """Moves `truth` under a controller that knows only `nominal` and returns what a recorder would have written."""
+    """Moves `truth` under a controller that knows only `nominal` and returns what a recorder would have written.
+
+    `reference`: a recording whose `q_ref.*`, or else `q.*`, is followed from end to end, in place of a motion drawn by chance.
+    """
 
 def diagnose(
     robot: Robot,

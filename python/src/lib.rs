@@ -19,6 +19,7 @@ mod mechanics;
 mod motion;
 mod mu;
 mod recording;
+mod reproduction;
 mod robots;
 mod simulation;
 mod state;
@@ -45,6 +46,8 @@ mod _pkm {
     use super::mu::{Mu, mu};
     #[pymodule_export]
     use super::recording::{Recording, read, write};
+    #[pymodule_export]
+    use super::reproduction::{papers, reproduce};
     #[pymodule_export]
     use super::robots::{load_shipped, shipped_names};
     #[pymodule_export]

@@ -15,7 +15,7 @@ def record(folder, coulomb, seed, names=("A", "holdout"), **scenario):
     robot = pkm.robots.load("five_bar")
     truth = robot.with_effect("friction_coulomb", "shoulder_left", coulomb=coulomb) if coulomb else robot
     for k, name in enumerate(names):
-        scenario = {"duration_s": 5.0, "rate_hz": 100.0, **scenario}
+        scenario = {"duration_s": 10.0, "rate_hz": 100.0, **scenario}
         pkm.write(folder / f"{name}.csv", pkm.simulate(truth, robot, seed=10 * seed + k, **scenario))
 
 
@@ -40,5 +40,5 @@ def fleet_folder(root):
     damaged = nine / "2026-03-05" / "A.csv"
     damaged.parent.mkdir()
     lines = (nine / "2026-03-04" / "A.csv").read_text(encoding="utf-8").splitlines()
-    damaged.write_text("\n".join([*lines[:300], "4.0,bro"]), encoding="utf-8")
+    damaged.write_text("\n".join([*lines[:300], "3.0,bro"]), encoding="utf-8")
     return root

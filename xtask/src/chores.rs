@@ -9,19 +9,35 @@ use crate::shell::{answer, cargo, program, root, run};
 /// Version of Pinocchio the golden files are made with, and the one that is measured against.
 pub(crate) const PINOCCHIO: &str = "pin==4.1.0";
 
+/// Name of the notebooks among the files of `long`.
+const NOTEBOOKS: &str = "notebooks";
+
 /// Runs the cross-crate tests with many seeds, or those of the files named; they read `PKM_LONG`, and write tables into the folder `PKM_RESULTS`, each under the
 /// commit in `PKM_COMMIT`.
+///
+/// `notebooks` among the names are those of python/notebooks/; without names they run as well.
 pub(crate) fn long(only: &[&str]) -> Result<(), String> {
+    let files: Vec<&str> = only.iter().copied().filter(|name| *name != NOTEBOOKS).collect();
+    if files.len() < only.len() {
+        python::notebooks()?;
+        if files.is_empty() {
+            return Ok(());
+        }
+    }
     let results = root().join("docs/results");
     fs::create_dir_all(&results).map_err(|e| format!("{}: {e}", results.display()))?;
     let commit = commit();
     println!("   commit {commit}, tables go to docs/results/");
     let mut command = cargo("test --release --locked -p pkm-tests --no-fail-fast");
-    only.iter().for_each(|name| {
+    files.iter().for_each(|name| {
         command.args(["--test", name]);
     });
     run(command.env("PKM_LONG", "1").env("PKM_RESULTS", &results).env("PKM_COMMIT", &commit))?;
-    if only.is_empty() { prove(&results, &commit) } else { Ok(()) }
+    if !only.is_empty() {
+        return Ok(());
+    }
+    python::notebooks()?;
+    prove(&results, &commit)
 }
 
 /// The blind trials of docs/PROOF.md in full; a run that was stopped goes on when the commit is the same.

@@ -61,12 +61,25 @@ fn wheels_in(folder: &Path) -> Vec<PathBuf> {
     entries.filter(|p| p.extension().is_some_and(|e| e == "whl")).collect()
 }
 
-/// Builds the wheel in the profile of the tests, installs it, runs its tests.
-pub(crate) fn check() -> Result<(), String> {
+/// Builds the wheel, installs it with what its tests need.
+fn installed(options: &[&str]) -> Result<PathBuf, String> {
     let programs = environment()?;
-    // The dev profile shares its compiled dependencies with the other tests; auditwheel is for wheels that travel.
-    let wheel = build(&programs, &["--profile", "dev", "--auditwheel", "skip"])?.display().to_string();
+    let wheel = build(&programs, options)?.display().to_string();
     install(&programs, &["--force-reinstall", "--no-deps", &wheel])?;
     install(&programs, &[&format!("{wheel}[test]"), "pytest", "numpy"])?;
+    Ok(programs)
+}
+
+/// Builds the wheel in the profile of the tests, installs it, runs its tests.
+pub(crate) fn check() -> Result<(), String> {
+    // The dev profile shares its compiled dependencies with the other tests; auditwheel is for wheels that travel.
+    let programs = installed(&["--profile", "dev", "--auditwheel", "skip"])?;
     python(&programs, &["-m", "pytest", "-q", "python/tests"])
+}
+
+/// Runs the notebooks, each from a clean kernel, with the optimised wheel; with their outputs they go into target/notebooks/.
+pub(crate) fn notebooks() -> Result<(), String> {
+    let programs = installed(&["--release", "--auditwheel", "skip"])?;
+    let out = target().join("notebooks");
+    python(&programs, &["python/notebooks/execute.py", "--out", &out.display().to_string()])
 }

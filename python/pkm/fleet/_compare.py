@@ -139,7 +139,8 @@ def _changes(before: pandas.DataFrame, after: pandas.DataFrame, level: float) ->
         sides = [_side(group.get(name)) for group in groups]
         measure = next(g[name]["measure"].iloc[0] for g in groups if name in g)
         (x, var_x, dof_x, n_x), (y, var_y, dof_y, n_y) = sides
-        p = _welch(y - x, (var_x, var_y), (dof_x, dof_y))
+        # Means of equal numbers differ in their last digits, and so little that their spread is rounding as well.
+        p = _welch(y - x, (var_x, var_y), (dof_x, dof_y), 1e-12 * max(abs(x), abs(y)))
         what = "gone" if n_y == 0 else "appeared" if n_x == 0 else "unknown" if math.isnan(p) else ""
         rows.append(
             {
@@ -177,12 +178,14 @@ def _side(group: pandas.DataFrame | None) -> tuple[float, float, float, int]:
     return float(values.mean()), within, math.inf, n
 
 
-def _welch(change: float, variances: tuple[float, float], dofs: tuple[float, float]) -> float:
+def _welch(change: float, variances: tuple[float, float], dofs: tuple[float, float], rounding: float) -> float:
     total = sum(variances)
     if math.isnan(change) or math.isnan(total):
         return math.nan
+    if abs(change) <= rounding:
+        return 1.0
     if total == 0.0:
-        return 1.0 if change == 0.0 else 0.0
+        return 0.0
     terms = sum(v**2 / d for v, d in zip(variances, dofs, strict=True) if math.isfinite(d) and d > 0)
     dof = total**2 / terms if terms > 0 else math.inf
     return float(2.0 * need("scipy.stats").t.sf(abs(change) / math.sqrt(total), dof))
