@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.image import AxesImage
     from numpy.typing import ArrayLike, NDArray
@@ -132,19 +133,33 @@ def dependence(report: Report, joint: str, signal: str, *, ax: Axes | None = Non
     return _plain(ax)
 
 
-def isolability(report: Report, *, ax: Axes | None = None) -> Axes:
-    """Which effects these recordings could tell apart: |cosine| of the angle between any two, 1 where they look the same."""
+def isolability(report: Report, *, effects: Sequence[str] | None = None, ax: Axes | None = None) -> Axes:
+    """Which effects these recordings could tell apart: |cosine| of the angle between any two, 1 where they look the same.
+
+    `effects`: names of those that are shown, all if empty; if not given, what was found (in bold) and the twenty that look most like it.
+    """
     found = report.verdict["isolability"]
-    labels = [f"{e['effect']} at {' '.join(e['where'])}" for e in found["effects"]]
-    if not labels:
+    n = len(found["effects"])
+    if not n:
         raise ValueError("no isolability in the report: its recordings could not be used")
-    values = numpy.abs(numpy.array(found["cosines"], dtype=float).reshape(len(labels), len(labels)))
-    size = 1.8 + 0.2 * len(labels)
+    values = numpy.abs(numpy.array(found["cosines"], dtype=float).reshape(n, n))
+    if effects is None:
+        is_found = numpy.array([e["found"] for e in found["effects"]])
+        alike = values[:, is_found].max(axis=1) if is_found.any() else values.sum(axis=1)
+        shown = sorted({*numpy.flatnonzero(is_found).tolist(), *numpy.argsort(-alike, kind="stable")[:20].tolist()})
+    else:
+        unknown = sorted({*effects} - {e["effect"] for e in found["effects"]})
+        if unknown:
+            raise ValueError(f"no effect {unknown[0]!r} in the report (has: {', '.join(dict.fromkeys(e['effect'] for e in found['effects']))})")
+        shown = [k for k, e in enumerate(found["effects"]) if not effects or e["effect"] in effects]
+    chosen = [found["effects"][k] for k in shown]
+    labels = [f"{e['effect']} at {' '.join(e['where'])}" for e in chosen]
+    size = 1.8 + 0.26 * len(shown)
     ax = _axes(ax, size=(size + 2.4, size + 1.0))
-    image = _map(ax, values, (labels, labels), limits=(0.0, 1.0), words="{:.1f}" if len(labels) <= 12 else None)
+    image = _map(ax, values[numpy.ix_(shown, shown)], (labels, labels), limits=(0.0, 1.0), words="{:.1f}" if len(shown) <= 24 else None)
     ax.tick_params(labelsize="x-small")
     ax.figure.colorbar(image, ax=ax, label="|cosine|", pad=0.02, shrink=0.7)
-    for tick, effect in zip(ax.get_yticklabels(), found["effects"], strict=True):
+    for tick, effect in zip(ax.get_yticklabels(), chosen, strict=True):
         tick.set_fontweight("bold" if effect["found"] else "normal")
     return ax
 
@@ -175,6 +190,8 @@ def detection(marks: Sequence[Marks], *, bins: Sequence[float] = (0.0, 0.75, 1.5
     for at, g in zip(x, groups, strict=True):
         ax.annotate(f"n = {len(g)}", (at, -0.04), ha="center", va="top", fontsize="x-small", color="#888888", annotation_clip=False)
     ax.set_xscale("log")
+    ax.set_xticks(x, [f"{at:.2g}" for at in x])
+    ax.minorticks_off()
     ax.set_ylim(-0.12, 1.05)
     ax.set_xlabel("size over the smallest that can be detected")
     ax.set_ylabel("share of trials")
@@ -245,11 +262,18 @@ def workspace(
         raise ValueError("no pose of the workspace can be reached")
     ax = _axes(ax, size=(6, 5))
     from matplotlib.colors import LogNorm
+    from matplotlib.ticker import LogLocator, ScalarFormatter
 
     norm = LogNorm() if which == "condition" else None
     mesh = ax.pcolormesh(x, y, values.T, shading="nearest", cmap="viridis_r" if which == "condition" else "viridis", norm=norm, rasterized=True)
     words = {"parallel": "smallest singular value of dq/dx", "serial": "smallest singular value of dx/dq", "condition": "condition number of dx/dq"}
-    ax.figure.colorbar(mesh, ax=ax, label=words[which], pad=0.02)
+    bar = ax.figure.colorbar(mesh, ax=ax, label=words[which], pad=0.02)
+    if which == "condition":
+        bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        bar.ax.yaxis.set_major_formatter(ScalarFormatter())
+        bar.ax.minorticks_off()
+    if set(names) <= {"x", "y", "z"}:
+        ax.set_aspect("equal")
     ax.plot([found["home"][names[0]]], [found["home"][names[1]]], "+", color="#ffffff", ms=11, mew=3)
     ax.plot([found["home"][names[0]]], [found["home"][names[1]]], "+", color=BEFORE, ms=9, mew=1.4, label="home")
     for name, put in zip(names, (ax.set_xlabel, ax.set_ylabel), strict=True):
@@ -314,7 +338,7 @@ def bode(
 
 
 def tracking(recording: Recording, measured: str, reference: str, *, unit: str = "", ax: Axes | None = None) -> Axes:
-    """A measured signal and its reference over time, positions or forces alike, and their difference, reference minus measured.
+    """A measured signal and its reference over time, positions or forces alike, and on the right their difference, reference minus measured.
 
     `measured`, `reference`: names of signals of the recording (`q.q1` and `q_ref.q1`, `wrench.foot.fz` and its reference).
     """
@@ -325,13 +349,19 @@ def tracking(recording: Recording, measured: str, reference: str, *, unit: str =
     in_unit = f" {unit}" if unit else ""
     ax.plot(time, wanted, color=MEASURED, lw=1.8, label=reference)
     ax.plot(time, actual, color=AFTER, lw=1.1, label=measured)
-    ax.plot(time, error, color=BEFORE, lw=0.9, label=f"error: {size:.3g}{in_unit} rms, {numpy.nanmax(numpy.abs(error)):.3g}{in_unit} at most")
-    ax.axhline(0.0, color="#888888", lw=0.6, zorder=0)
+    # On an axis of its own: a good controller's error would be a flat line beside the signal.
+    right = ax.twinx()
+    words = f"error: {size:.3g}{in_unit} rms, {numpy.nanmax(numpy.abs(error)):.3g}{in_unit} at most"
+    (line,) = right.plot(time, error, color=BEFORE, lw=0.9, label=words)
+    right.axhline(0.0, color=BEFORE, lw=0.4, zorder=0)
+    right.set_ylabel("error" + (f" [{unit}]" if unit else ""), color=BEFORE)
+    right.tick_params(axis="y", colors=BEFORE)
+    right.spines[["top"]].set_visible(False)
     ax.set_xlabel("time [s]")
     ax.set_ylabel(measured + (f" [{unit}]" if unit else ""))
     ax.set_title(recording.name, loc="left", fontsize="small")
     ax.margins(x=0)
-    return _finished(ax)
+    return _finished(ax, [*ax.lines, line])
 
 
 def _series(report: Report, name: str, recording: str | None) -> JointSeries:
@@ -415,10 +445,11 @@ def _plain(ax: Axes) -> Axes:
     return ax
 
 
-def _finished(ax: Axes) -> Axes:
+def _finished(ax: Axes, handles: Sequence[Artist] | None = None) -> Axes:
     ax.spines[["top", "right"]].set_visible(False)
+    shown = ax.get_legend_handles_labels()[0] if handles is None else list(handles)
     # Above the picture: inside, it would cover samples.
-    legend = ax.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.06), ncols=4, fontsize="small", borderaxespad=0.0)
+    legend = ax.legend(handles=shown, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.06), ncols=4, fontsize="small", borderaxespad=0.0)
     for handle in legend.legend_handles:
         if handle is not None:
             handle.set_alpha(1.0)

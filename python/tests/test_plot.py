@@ -79,13 +79,24 @@ def test_the_map_of_regimes_is_the_evidence(hidden):
 def test_isolability_is_the_matrix_of_the_verdict(hidden):
     _, _, report, _ = hidden
     found = report.verdict["isolability"]
-    ax = plot.isolability(report)
-    np.testing.assert_array_equal(ax.images[0].get_array(), np.abs(found["cosines"]))
-    labels = [t.get_text() for t in ax.get_yticklabels()]
-    assert labels == [t.get_text() for t in ax.get_xticklabels()]
-    assert labels == [f"{e['effect']} at {' '.join(e['where'])}" for e in found["effects"]]
-    bold = [t.get_text() for t in ax.get_yticklabels() if t.get_fontweight() == "bold"]
-    assert bold == [label for label, e in zip(labels, found["effects"], strict=True) if e["found"]]
+    every = [f"{e['effect']} at {' '.join(e['where'])}" for e in found["effects"]]
+    cosines = np.abs(found["cosines"])
+    for effects in (None, [], ["friction_coulomb", "payload"]):
+        ax = plot.isolability(report, effects=effects)
+        labels = [t.get_text() for t in ax.get_yticklabels()]
+        assert labels == [t.get_text() for t in ax.get_xticklabels()]
+        at = [every.index(label) for label in labels]
+        np.testing.assert_array_equal(ax.images[0].get_array(), cosines[np.ix_(at, at)])
+        bold = [t.get_text() for t in ax.get_yticklabels() if t.get_fontweight() == "bold"]
+        assert bold == [label for label in labels if found["effects"][every.index(label)]["found"]] == ["friction_coulomb at q1"]
+        if effects is None:
+            # The twenty that look most like it, and no other.
+            like = cosines[:, every.index("friction_coulomb at q1")]
+            assert sorted(like[at]) == pytest.approx(sorted(like)[-len(at) :]) and 20 <= len(at) <= 21
+        else:
+            assert labels == [e for e in every if not effects or e.split()[0] in effects]
+    with pytest.raises(ValueError, match="no effect 'magic'"):
+        plot.isolability(report, effects=["magic"])
 
 
 @pytest.fixture(scope="module")
@@ -241,9 +252,11 @@ def test_tracking_shows_reference_measured_and_error():
     ax = plot.tracking(recording, "wrench.foot.fz", "fz_ref", unit="N")
     assert_line(ax, "wrench.foot.fz", time, force)
     assert_line(ax, "fz_ref", time, wanted)
-    assert_line(ax, "error", time, wanted - force)
+    [right] = [other for other in ax.figure.axes if other is not ax]
+    assert_line(right, "error", time, wanted - force)
     rms = np.sqrt(np.nanmean((wanted - force) ** 2))
-    assert any(f"error: {rms:.3g} N rms" in str(one.get_label()) for one in ax.lines)
+    assert f"error: {rms:.3g} N rms" in ax.get_legend().get_texts()[-1].get_text()
+    assert right.get_ylabel() == "error [N]"
     with pytest.raises(KeyError, match="no signal"):
         plot.tracking(recording, "wrench.foot.fz", "nothing")
 
