@@ -27,15 +27,12 @@ __all__ = [
     "diagnose",
     "effects",
     "excite",
-    "judge_trial",
     "load",
     "load_shipped",
-    "make_trial",
     "mu",
     "papers",
     "read",
     "reproduce",
-    "score_trials",
     "shipped_names",
     "simulate",
     "write",
@@ -647,22 +644,6 @@ def load(path: str | os.PathLike[str]) -> Robot:
 
 def effects() -> list[CatalogueEntry]:
     """The effects of the library, in the order in which equal explanations are preferred."""
-
-def make_trial(
-    number: int,
-    seed: int,
-    *,
-    levels: Sequence[str] = ...,
-    robots: Sequence[str] = ...,
-    sizes: Sequence[float] = ...,
-) -> tuple[dict[str, str], str]:
-    """A case of the blind trials: its public files by name, and its answer as JSON, which is to be sealed."""
-
-def judge_trial(case: str, answer: str, verdict: str | None, ran: str) -> str:
-    """Judges a verdict against an opened answer; all JSON, the marks as well."""
-
-def score_trials(marks: Sequence[str]) -> str:
-    """Counts marks (JSON of each case) as the table of docs/PROOF.md, in Markdown."""
 
 @type_check_only
 class PaperRow(TypedDict):

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy
 
+from .prove import share
+
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
@@ -179,9 +181,7 @@ def detection(marks: Sequence[Marks], *, bins: Sequence[float] = (0.0, 0.75, 1.5
     x = numpy.array([numpy.exp(numpy.mean(numpy.log([m["size"] for m in g]))) for g in groups])
     curves = [("is_detected", MEASURED, "anything said"), ("is_in_set", BEFORE, "among the names"), ("is_first_right", AFTER, "first name right")]
     for k, (key, color, words) in enumerate(curves):
-        counts = [(sum(bool(m[key]) for m in g), len(g)) for g in groups]
-        shares = numpy.array([yes / n for yes, n in counts])
-        low, high = numpy.array([_wilson(yes, n) for yes, n in counts]).T
+        shares, low, high = numpy.array([share(sum(bool(m[key]) for m in g), len(g))[2:] for g in groups]).T
         # A few per cent apart, so that intervals do not cover each other.
         at = x * 1.04 ** (k - 1)
         # A share of none or all lies on its interval's end, but for rounding.
@@ -394,14 +394,6 @@ def _map(
                 ax.text(k, i, words.format(value), ha="center", va="center", fontsize="x-small", color="white" if is_dark else "black")
     ax.spines[:].set_visible(False)
     return image
-
-
-def _wilson(yes: int, n: int) -> tuple[float, float]:
-    """Wilson's interval, 95 %."""
-    z, share = 1.959963984540054, yes / n
-    middle = share + z**2 / (2 * n)
-    half = z * float(numpy.sqrt(share * (1 - share) / n + z**2 / (4 * n**2)))
-    return (middle - half) / (1 + z**2 / n), (middle + half) / (1 + z**2 / n)
 
 
 def _left_by_bodies(robot: Robot, recording: Recording, joint: str) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:

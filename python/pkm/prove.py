@@ -1,141 +1,134 @@
-"""Blind trials (docs/PROOF.md) from Python: cases made and sealed, diagnosed, scored; folders are those of `pkm prove`."""
+"""Blind trials (docs/PROOF.md) from Python: the program `pkm prove` makes, seals, diagnoses and judges; here it is run, read and counted."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
-import tempfile
-import time
-from collections.abc import Sequence
+import shutil
+import subprocess
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
-from ._pkm import diagnose as _diagnose
-from ._pkm import judge_trial, load, make_trial, read, score_trials
-from .progress import Progress, following
-
-Marks = dict[str, Any]
+Marks: TypeAlias = "dict[str, Any]"
 """What came of one case: `is_detected`, `is_first_right`, `is_alarm`, `size`, `level`, ...; the keys of results.json."""
 
+HEALTHY = ("L6", "L7")
+"""Levels at which nothing is concealed."""
 
-def make(
+OUTSIDE = "L5"
+"""Level at which something is concealed that the catalogue has no name for."""
+
+
+class Share(NamedTuple):
+    """So many of so many, with Wilson's 95 % interval; all NaN of none."""
+
+    yes: int
+    n: int
+    share: float
+    lower: float
+    upper: float
+
+
+def trials(
     folder: str | os.PathLike[str],
-    cases: int,
     *,
+    cases: int | None = None,
     seed: int = 1,
     levels: Sequence[str] = (),
     robots: Sequence[str] = (),
-    sizes: Sequence[float] = (0.5, 1.0, 2.0, 4.0),
-    progress: Progress = None,
-) -> dict[str, str]:
-    """Makes so many cases, seals their answers, and returns the seals, SHA-256 by name of the case.
+    sizes: Sequence[float] = (),
+    jobs: int = 1,
+    resume: bool = False,
+    seal_only: bool = False,
+    program: str | os.PathLike[str] | None = None,
+) -> list[Marks]:
+    """Makes, seals, diagnoses and judges so many cases with the program `pkm`; without `cases`, those that lie in the folder.
 
-    The cases of a seed are the same everywhere. A folder that holds seals is refused.
+    The marks of every case are returned, none with `seal_only`. `program`: path of pkm; what `PKM_PROGRAM` says or the search path has,
+    if not given. What the program refuses is a ValueError with its own words. Ctrl-C stops it; `resume` goes on.
     """
-    root = Path(folder)
-    if (root / "seals.txt").exists():
-        raise ValueError(f"{root}: holds a run already")
-    if cases < 1:
-        raise ValueError(f"cases = {cases} (must be >= 1)")
-    seals = {}
-    with following(progress, "making cases") as tell:
-        for number in range(1, cases + 1):
-            name = f"{number:04}"
-            files, answer = make_trial(number, seed, levels=list(levels), robots=list(robots), sizes=list(sizes))
-            for file, text in files.items():
-                _write(root / "cases" / name / file, text)
-            _write(root / "answers" / f"{name}.json", answer)
-            seals[name] = hashlib.sha256(answer.encode()).hexdigest()
-            tell(number / cases)
-    _write(root / "seals.txt", "".join(f"{seal}  {name}.json\n" for name, seal in seals.items()))
-    return seals
-
-
-def diagnose(folder: str | os.PathLike[str], *, progress: Progress = None, **settings: Any) -> int:
-    """Diagnoses every case that has not been, from its public files alone, and returns how many that were; `settings` as `pkm.diagnose`."""
-    root = Path(folder)
-    left = [name for name in seals(root) if not (root / "runs" / f"{name}.json").exists()]
-    with following(progress, "diagnosing cases") as tell:
-        for i, name in enumerate(left):
-            ran, verdict = _one(root / "cases" / name, settings)
-            if verdict is not None:
-                _write(root / "verdicts" / f"{name}.json", json.dumps(verdict))
-            _write(root / "runs" / f"{name}.json", json.dumps(ran))
-            tell((i + 1) / len(left))
-    return len(left)
-
-
-def _one(case: Path, settings: dict[str, Any]) -> tuple[dict[str, Any], Any]:
-    given = _manifest(case / "case.toml")
-    start = time.perf_counter()
-    try:
-        robot = load(case / "robot.toml")
-        learned = [read(case / name) for name in given["recordings"]]
-        held = [read(case / name) for name in given["holdouts"]]
-        verdict: Any = _diagnose(robot, learned, holdout=held or None, **settings).verdict
-    except (ValueError, OSError) as error:
-        return {"seconds": time.perf_counter() - start, "exit": 2, "error": str(error)}, None
-    return {"seconds": time.perf_counter() - start, "exit": 0, "error": ""}, verdict
-
-
-def _manifest(path: Path) -> dict[str, list[str]]:
-    """The two lists of a case.toml; its arrays of plain names are JSON as they stand."""
-    out: dict[str, list[str]] = {"recordings": [], "holdouts": []}
-    for line in path.read_text(encoding="utf-8").splitlines():
-        key, _, value = line.partition("=")
-        if key.strip() in out:
-            out[key.strip()] = json.loads(value)
-    if not out["recordings"]:
-        raise ValueError(f"{path}: no recordings = [...] in it")
-    return out
-
-
-def seals(folder: str | os.PathLike[str]) -> dict[str, str]:
-    """The seals of a run: SHA-256 of the answers by name of the case."""
-    path = Path(folder) / "seals.txt"
-    lines = [line.split() for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
-    bad = next((i for i, parts in enumerate(lines) if len(parts) != 2 or len(parts[0]) != 64), None)
-    if bad is not None:
-        raise ValueError(f"{path}: line {bad + 1}: not a seal: 64 hexadecimal digits, two spaces, NAME.json")
-    return {name.removesuffix(".json"): seal for seal, name in lines}
-
-
-def score(folder: str | os.PathLike[str]) -> list[Marks]:
-    """Opens the seals and judges what has been diagnosed: the marks of every case, by `pkm prove` or from here.
-
-    An answer that does not fit its seal is a ValueError: it was changed after it had been sealed.
-    """
-    root, marks = Path(folder), []
-    for name, seal in seals(root).items():
-        answer = (root / "answers" / f"{name}.json").read_text(encoding="utf-8")
-        if hashlib.sha256(answer.encode()).hexdigest() != seal:
-            raise ValueError(f"{root / 'answers' / name}.json: changed after it had been sealed")
-        run = root / "runs" / f"{name}.json"
-        if run.exists():
-            verdict = root / "verdicts" / f"{name}.json"
-            text = verdict.read_text(encoding="utf-8") if verdict.exists() else None
-            marks.append(json.loads(judge_trial(name, answer, text, run.read_text(encoding="utf-8"))))
-    return marks
-
-
-def markdown(marks: Sequence[Marks]) -> str:
-    """The tables of docs/PROOF.md for these marks, with their intervals."""
-    return score_trials([json.dumps(m) for m in marks])
+    path = program or os.environ.get("PKM_PROGRAM") or shutil.which("pkm")
+    if path is None or shutil.which(path) is None:
+        raise FileNotFoundError(f"program {os.fspath(path or 'pkm')!r} is not there: cargo install --locked --path crates/pkm")
+    words = [os.fspath(path), "prove", "--out", os.fspath(folder), "--jobs", str(jobs), "--quiet"]
+    words += [] if cases is None else ["--cases", str(cases), "--seed", str(seed)]
+    for flag, values in (("--level", levels), ("--robot", robots), ("--size", sizes)):
+        words += [word for value in values for word in (flag, str(value))]
+    words += ["--resume"] * resume + ["--seal-only"] * seal_only
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        told = [line for line in done.stderr.splitlines() if line.strip()]
+        raise ValueError(told[0] if told else f"pkm prove ended with {done.returncode}")
+    return [] if seal_only else results(Path(folder) / "results.json")
 
 
 def results(path: str | os.PathLike[str]) -> list[Marks]:
     """The marks in a results.json that `pkm prove` has written."""
     text = json.loads(Path(path).read_text(encoding="utf-8"))
     if not isinstance(text, dict) or text.get("schema") != "pkm.proof/1":
-        raise ValueError(f"{path}: schema must be pkm.proof/1")
+        raise ValueError(f"{os.fspath(path)}: schema must be pkm.proof/1")
     cases: list[Marks] = text["cases"]
     return cases
 
 
-def _write(path: Path, text: str) -> None:
-    """A file is seen complete or not at all: a run that is stopped can go on."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as file:
-        file.write(text)
-    os.replace(file.name, path)
+def seals(folder: str | os.PathLike[str]) -> dict[str, str]:
+    """The seals of a run: SHA-256 of the answers by name of the case."""
+    path = Path(folder) / "seals.txt"
+    out = {}
+    for i, line in enumerate(path.read_text(encoding="utf-8").splitlines()):
+        parts = line.split()
+        if len(parts) != 2 or len(parts[0]) != 64 or not parts[1].endswith(".json"):
+            raise ValueError(f"{path}: line {i + 1}: not a seal: 64 hexadecimal digits, two spaces, NAME.json")
+        out[parts[1].removesuffix(".json")] = parts[0]
+    return out
+
+
+def broken(folder: str | os.PathLike[str]) -> list[str]:
+    """Names of the cases whose answers are not those that were sealed: none, in an honest run."""
+    answers = Path(folder) / "answers"
+    return [name for name, seal in seals(folder).items() if hashlib.sha256((answers / f"{name}.json").read_bytes()).hexdigest() != seal]
+
+
+def share(yes: int, n: int) -> Share:
+    """So many of so many, with Wilson's 95 % interval."""
+    if n == 0:
+        return Share(0, 0, math.nan, math.nan, math.nan)
+    z, p = 1.959963984540054, yes / n
+    middle, half = p + z * z / (2 * n), z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    return Share(yes, n, p, max((middle - half) / (1 + z * z / n), 0.0), min((middle + half) / (1 + z * z / n), 1.0))
+
+
+def count(marks: Sequence[Marks]) -> dict[str, Share]:
+    """The scores of docs/PROOF.md over these marks; those of a level, robot or size are of the marks that one picks.
+
+    `first_right`, `in_set`, `place_right` and `detected` are of cases with something concealed that has a name, `false_alarms` of those with
+    nothing, `unexplained` and `impostors` of those whose physics has no name, `ran` of all.
+    """
+    named = [m for m in marks if m["level"] not in (*HEALTHY, OUTSIDE)]
+    healthy, outside = ([m for m in marks if m["level"] in levels] for levels in (HEALTHY, (OUTSIDE,)))
+
+    def of(chosen: Sequence[Marks], key: str) -> Share:
+        return share(sum(bool(m[key]) for m in chosen), len(chosen))
+
+    return {
+        "ran": of(marks, "ran"),
+        "first_right": of(named, "is_first_right"),
+        "in_set": of(named, "is_in_set"),
+        "place_right": of(named, "is_place_right"),
+        "detected": of(named, "is_detected"),
+        "false_alarms": of(healthy, "is_alarm"),
+        "unexplained": of(outside, "is_flagged"),
+        "impostors": of(outside, "is_impostor"),
+    }
+
+
+def by(marks: Sequence[Marks], key: str | Callable[[Marks], Any]) -> dict[Any, list[Marks]]:
+    """Marks in groups: by a key of theirs (`level`, `robot`), or by what a function says of each."""
+    of = key if callable(key) else lambda m: m[key]
+    groups: dict[Any, list[Marks]] = {}
+    for m in marks:
+        groups.setdefault(of(m), []).append(m)
+    return groups

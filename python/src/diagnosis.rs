@@ -203,9 +203,8 @@ pub(crate) fn diagnose(
     let description = Arc::clone(robot.get().description());
     let progress = Progress::of(py, progress, "diagnosing")?;
     let diagnosed = Arc::clone(&description);
-    let diagnosis = long::run(py, &progress, move |told| {
-        pkm_diagnose::diagnose(&diagnosed, &train, &holdout, &settings, &mut |share| told(share))
-    })?;
+    let diagnosis =
+        long::run(py, &progress, move |told| pkm_diagnose::diagnose(&diagnosed, &train, &holdout, &settings, &mut |share| told(share)))?;
     let diagnosis = diagnosis.map_err(|e| error::input(&e))?;
     Ok(Report { description, diagnosis })
 }

@@ -186,8 +186,7 @@ impl Identification {
         derivative: &str,
     ) -> PyResult<Self> {
         let (method, derivative) = (method.to_string(), derivative.to_string());
-        let asked =
-            Asked { method, band_hz, hold, shapes, gains, payload, outliers, rate_hz, period_s, late_s, find_late_s, derivative };
+        let asked = Asked { method, band_hz, hold, shapes, gains, payload, outliers, rate_hz, period_s, late_s, find_late_s, derivative };
         Ok(Self { description: Arc::clone(robot.get().description()), settings: asked.settings()?, asked, learned: None })
     }
 

@@ -100,11 +100,7 @@ impl Learned {
         let gains = beside.gains.as_ref().map(|g| Gains {
             status: status(g.status),
             notes: sentences(&g.notes),
-            drives: g
-                .gains
-                .iter()
-                .map(|g| Gain { joint: g.joint.clone(), gain: g.gain, ci95: g.ci95, load_share: g.load_share })
-                .collect(),
+            drives: g.gains.iter().map(|g| Gain { joint: g.joint.clone(), gain: g.gain, ci95: g.ci95, load_share: g.load_share }).collect(),
         });
         let payload = beside.payload.as_ref().map(|p| Payload {
             link: p.link.clone(),

@@ -23,7 +23,6 @@ mod reproduction;
 mod robots;
 mod simulation;
 mod state;
-mod trials;
 mod units;
 mod workspace;
 
@@ -52,8 +51,6 @@ mod _pkm {
     use super::robots::{load_shipped, shipped_names};
     #[pymodule_export]
     use super::simulation::simulate;
-    #[pymodule_export]
-    use super::trials::{judge_trial, make_trial, score_trials};
 
     /// Version of the package.
     #[expect(non_upper_case_globals, reason = "the name every Python package uses")]

@@ -58,7 +58,8 @@ pub(crate) fn simulate(
     let ran = long::run(py, &progress, move |told| match playback {
         None => pkm_sim::run(&truth.robot, &nominal.robot, &scenario, &mut |share| told(share)),
         Some(motion) => {
-            let ran = pkm_sim::run_along([&truth.robot, &nominal.robot], &scenario, &motion, &mut |t| told((t / scenario.duration_s).min(1.0)));
+            let ran =
+                pkm_sim::run_along([&truth.robot, &nominal.robot], &scenario, &motion, &mut |t| told((t / scenario.duration_s).min(1.0)));
             told(1.0);
             ran
         }

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::prerequisites::PYTHON_PROGRAM;
-use crate::shell::{answer, program, root, run, target};
+use crate::shell::{answer, cargo, program, root, run, target};
 
 /// The build tool of the wheel.
 const MATURIN: &str = "maturin>=1.9,<2";
@@ -74,7 +74,10 @@ fn installed(options: &[&str]) -> Result<PathBuf, String> {
 pub(crate) fn check() -> Result<(), String> {
     // The dev profile shares its compiled dependencies with the other tests; auditwheel is for wheels that travel.
     let programs = installed(&["--profile", "dev", "--auditwheel", "skip"])?;
-    python(&programs, &["-m", "pytest", "-q", "python/tests"])
+    // What the wheel runs as a program of its own: the one that the other tests have built.
+    run(&mut cargo("build --workspace --exclude pkm-python --exclude pkm-benches --features pkm-sim/rapier --locked --bin pkm"))?;
+    let mut tests = program(programs.join(name("python")), &["-m", "pytest", "-q", "python/tests"]);
+    run(tests.env("PKM_PROGRAM", target().join("debug").join(name("pkm"))))
 }
 
 /// Runs the notebooks, each from a clean kernel, with the optimised wheel; with their outputs they go into target/notebooks/.

@@ -19,7 +19,7 @@ pub struct Ran {
 }
 
 /// What came of one case.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Marks {
     /// Name of the case.
     pub case: String,
