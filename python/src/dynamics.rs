@@ -242,7 +242,7 @@ impl Robot {
 
     /// Kinetic and potential energy `[J]`, shape `(n_samples,)` each. Arguments `(n_samples, nv)`.
     fn energies<'py>(&self, py: Python<'py>, q: ArrayLike<'py>, v: ArrayLike<'py>) -> PyResult<(Vector<'py>, Vector<'py>)> {
-        let ([q, v], model) = (self.tree([("q", &q), ("v", &v)])?, self.model());
+        let [q, v] = self.tree([("q", &q), ("v", &v)])?;
         let [kinetic, potential] = over!(self, py, q.len(), [q, v], |model| mechanics::energies(model, [&q, &v]))?;
         Ok((PyArray1::from_vec(py, kinetic), PyArray1::from_vec(py, potential)))
     }
@@ -256,7 +256,7 @@ impl Robot {
 
     /// Pose of a link's frame in the root frame, shape `(n_samples, 4, 4)`. q `(n_samples, nv)`.
     fn frame_pose<'py>(&self, py: Python<'py>, link: &str, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let ([q], model, frame) = (self.tree([("q", &q)])?, self.model(), self.frame(link)?);
+        let ([q], frame) = (self.tree([("q", &q)])?, self.frame(link)?);
         let all = over!(self, py, q.len(), [frame, q], |model| mechanics::frame_poses(model, &frame, &q))?;
         matrices(py, all, [q.len(), 4, 4])
     }
@@ -310,7 +310,7 @@ impl Robot {
 
     /// Mass matrix in the independent coordinates, shape `(n_samples, independent, independent)`. q of the drives `(n_samples, n_act)`.
     fn reduced_mass_matrix<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let (driven, model) = (self.driven([&q, &q, &q])?, self.model());
+        let driven = self.driven([&q, &q, &q])?;
         let all = over!(self, py, driven.len(), [driven], |model| motion::reduced_mass_matrices(model, &driven))??;
         let n = self.independent().len();
         matrices(py, all, [driven.len(), n, n])
