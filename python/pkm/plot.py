@@ -276,8 +276,9 @@ def workspace(
         ax.set_aspect("equal")
     ax.plot([found["home"][names[0]]], [found["home"][names[1]]], "+", color="#ffffff", ms=11, mew=3)
     ax.plot([found["home"][names[0]]], [found["home"][names[1]]], "+", color=BEFORE, ms=9, mew=1.4, label="home")
-    for name, put in zip(names, (ax.set_xlabel, ax.set_ylabel), strict=True):
-        put(f"{name} [{'m' if name in ('x', 'y', 'z') else 'rad' if name in ('rx', 'ry', 'rz') else 'm or rad'}]")
+    x_words, y_words = (f"{n} [{'m' if n in ('x', 'y', 'z') else 'rad' if n in ('rx', 'ry', 'rz') else 'm or rad'}]" for n in names)
+    ax.set_xlabel(x_words)
+    ax.set_ylabel(y_words)
     return _finished(ax)
 
 

@@ -52,8 +52,8 @@ def from_pandas(frame: pandas.DataFrame) -> Recording:
 
 def to_xarray(recording: Recording, robot: Robot | None = None) -> xarray.Dataset:
     """A variable per signal over `time`, each with its `units`; `attrs` has `name` and `meta`, what the recording says of itself, as JSON."""
-    xarray, units = _need("xarray"), _units(recording, robot)
-    made: xarray.Dataset = xarray.Dataset(
+    units = _units(recording, robot)
+    made: xarray.Dataset = _need("xarray").Dataset(
         {name: ("time", recording[name], {"units": units[name]} if name in units else {}) for name in recording.signals},
         coords={"time": ("time", recording.time, {"units": "s"})},
         # As text: netCDF keeps no mappings.

@@ -1,6 +1,7 @@
 """Long calls: Ctrl-C ends them, other threads run meanwhile, progress is told."""
 
 import _thread
+import functools
 import threading
 import time
 
@@ -12,14 +13,16 @@ import pytest
 ROBOT = pkm.robots.load("prs3")
 
 
+@functools.cache
 def hour():
     """An hour of motion at 1 kHz."""
     n = 3_600_000
-    wave = np.sin(np.arange(n) / 500.0)[:, None]
+    wave = np.repeat(np.sin(np.arange(n) / 500.0)[:, None], ROBOT.n_act, axis=1)
     q = ROBOT.assemble()[[ROBOT.joints.index(j) for j in ROBOT.actuators]] + 0.01 * wave
     return q, 0.02 * wave, -0.04 * wave
 
 
+@functools.cache
 def long_recording():
     q, _, _ = hour()
     signals = {f"{kind}.{j}": q[:, k] for kind in ("q", "tau") for k, j in enumerate(ROBOT.actuators)}
@@ -42,17 +45,17 @@ def grid(n):
 LONG = {
     "simulate": lambda: pkm.simulate(ROBOT, ROBOT, duration_s=3600.0),
     "excite": lambda: pkm.excite(pkm.robots.load("serial_arm7"), harmonics=10, restarts=500, iterations=5000),
-    "diagnose": lambda: pkm.diagnose(ROBOT, RECORDING),
-    "fit": lambda: pkm.Identification(ROBOT).fit(RECORDING),
-    "rnea": lambda: ROBOT.inverse_dynamics(*HOUR),
+    "diagnose": lambda: pkm.diagnose(ROBOT, long_recording()),
+    "fit": lambda: pkm.Identification(ROBOT).fit(long_recording()),
+    "rnea": lambda: ROBOT.inverse_dynamics(*hour()),
     "workspace": lambda: ROBOT.workspace(grid(120)),
     "mu": lambda: pkm.mu(*uncertain()),
 }
-HOUR, RECORDING = hour(), long_recording()
 
 
 @pytest.mark.parametrize("name", LONG)
 def test_ctrl_c_ends_a_long_call(name):
+    hour(), long_recording()
     # What a user's Ctrl-C does, from a thread that can only run if the interpreter is free.
     timer = threading.Timer(0.7, _thread.interrupt_main)
     timer.start()

@@ -132,8 +132,7 @@ def _week(day: str) -> str:
 
 
 def _changes(before: pandas.DataFrame, after: pandas.DataFrame, level: float) -> pandas.DataFrame:
-    pandas = need("pandas")
-    groups = [dict(list(side.groupby("quantity"))) for side in (before, after)]
+    groups = [{str(name): group for name, group in side.groupby("quantity")} for side in (before, after)]
     rows = []
     for name in sorted({*groups[0], *groups[1]}):
         sides = [_side(group.get(name)) for group in groups]
@@ -160,7 +159,7 @@ def _changes(before: pandas.DataFrame, after: pandas.DataFrame, level: float) ->
     order = {"moved": 0, "appeared": 1, "gone": 1, "same": 2, "unknown": 3}
     rows.sort(key=lambda r: (order[r["what"]], r["p_value"] if not math.isnan(r["p_value"]) else 1.0, r["quantity"]))
     columns = ["quantity", "measure", "before", "after", "change", "sd", "p_value", "p_holm", "n_before", "n_after", "what"]
-    out: pandas.DataFrame = pandas.DataFrame(rows, columns=columns)
+    out: pandas.DataFrame = need("pandas").DataFrame(rows, columns=columns)
     return out
 
 

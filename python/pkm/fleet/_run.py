@@ -107,8 +107,8 @@ def _without_lost(rows: list[dict[str, Any]], work: list[_Item]) -> list[dict[st
     """Rows less those that were given up once and have come since."""
     there = {(r["kind"], r["settings"], *r["recordings"], *r["holdout"]) for r in rows if r["status"] != LOST}
     ours = {(kind, settings, *task.names) for kind, task, settings, _ in work}
-    mine = lambda r: (r["kind"], r["settings"], *r["recordings"], *r["holdout"])  # noqa: E731
-    return [r for r in rows if not (r["status"] == LOST and mine(r) in there & ours)]
+    come = there & ours
+    return [r for r in rows if not (r["status"] == LOST and (r["kind"], r["settings"], *r["recordings"], *r["holdout"]) in come)]
 
 
 def _alone(item: _Item, retries: int) -> dict[str, Any] | None:
@@ -166,7 +166,7 @@ def _client(scheduler: Any, workers: int | None, tasks: Sequence[Task], store: T
         yield client
 
 
-def _on_cluster(client: Any, work: list[_Item], retries: int, notes: _Notes, tell: Callable[[float], None]) -> None:
+def _on_cluster(client: Any, work: list[_Item], retries: int, notes: _Notes, tell: Callable[[float], object]) -> None:
     distributed = need("distributed")
     left = iter(work)
     item_of: dict[str, _Item] = {}
