@@ -1,7 +1,7 @@
 """The compiled part of the package `pkm`; use `pkm` itself."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final, Literal, TypedDict, final, type_check_only
 
 import numpy
@@ -332,7 +332,7 @@ class Robot:
 
     def workspace(
         self,
-        axes: Mapping[str, ArrayLike],
+        axes: dict[str, ArrayLike],
         *,
         link: str | None = None,
         at: dict[str, float] | None = None,

@@ -171,7 +171,11 @@ def test_a_second_run_does_what_is_new(folder, tmp_path):
     record(robot / "2026-01-04", 0.2, 9)
     third = fleet.identify(fleet.find(str(root)), table, workers=0)
     assert len(third) == 4 and list(third["finished"][:3]) == list(first["finished"])
-    # The same bytes with other settings, and other bytes under the same name, are other work.
+    # The same bytes elsewhere are the same work; with other settings, or for another robot, they are not.
+    moved = robot.rename(root / "robot1 moved")
+    tasks = [fleet.Task(t.robot, t.recordings, t.holdout, unit="robot1", taken=t.taken) for t in fleet.find(str(root))]
+    assert fleet.identify(tasks, table, workers=0)["finished"].equals(third["finished"])
+    moved.rename(robot)
     fourth = fleet.identify(fleet.find(str(root))[:1], table, workers=0, settings={"method": "wls"})
     assert len(fourth) == 5 and set(fourth["settings"]) == {"{}", '{"method": "wls"}'}
     record(robot / "2026-01-01", 0.5, 9)
@@ -231,7 +235,7 @@ def test_a_file_that_is_not_there_is_tried_again(folder, tmp_path):
     rows = fleet.identify([waiting, task], str(tmp_path / "t.parquet"), workers=1, retries=1)
     assert sorted(rows["status"]) == ["identified", "lost"]
     assert "later.csv" in rows[rows["status"] == "lost"].iloc[0]["error"]
-    later.write_bytes((folder / "robot3" / "2026-02-16" / "A.csv").read_bytes())
+    later.write_bytes((folder / "robot7" / "2026-02-17" / "A.csv").read_bytes())
     rows = fleet.identify([waiting, task], str(tmp_path / "t.parquet"), workers=1)
     assert list(rows["status"]) == ["identified", "identified"]
 

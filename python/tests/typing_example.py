@@ -5,7 +5,7 @@ from typing import assert_type
 
 import numpy
 import pkm
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pkm import fleet
 
 robot = pkm.robots.load(pkm.robots.names()[0])
@@ -54,7 +54,7 @@ pkm.plot.regimes(report, which="after")
 pkm.plot.dependence(report, "q1", "temp.q1")
 pkm.plot.isolability(report, effects=["payload"])
 pkm.plot.friction({"as given": robot, "refined": better}, "q1", recording=recording, speed=0.1)
-axes = {"x": numpy.linspace(0.0, 1.0, 5), "y": numpy.linspace(0.0, 1.0, 5)}
+axes: dict[str, ArrayLike] = {"x": numpy.linspace(0.0, 1.0, 5), "y": [0.0, 0.5]}
 pkm.plot.workspace(robot.workspace(axes), axes, which="serial")
 pkm.plot.mu(pkm.mu(numpy.eye(2), [{"kind": "full", "rows": 2, "cols": 2}]))
 top, bottom = pkm.plot.bode({"one": (numpy.ones(3), numpy.ones(3) + 0j)})

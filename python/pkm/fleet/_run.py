@@ -33,7 +33,7 @@ def diagnose(tasks: Sequence[Task], table: str, **keywords: Any) -> pandas.DataF
     alone); `retries`, how often a task is tried again whose worker was lost or whose files could not be had (3); `progress`, a callable
     that takes the share done, or True for a bar.
 
-    A row that the table has, of the same bytes, settings and version of pkm, is not made again. Bad input is a row with `status`
+    A row that the table has, of the same unit, bytes, settings and version of pkm, is not made again, wherever the files lie now. Bad input is a row with `status`
     "error" and the reason in `error`; what was given up is "lost", and is tried again next time.
     """
     return _run("diagnose", tasks, table, **keywords)
@@ -61,12 +61,12 @@ def _run(
         raise ValueError(f"retries = {retries} (must be >= 0)")
     text, store = json.dumps(settings or {}, sort_keys=True), Table(table)
     before = store.rows()
-    # A robot in a task is compared by its bytes too; what cannot be this task's row need not travel to the worker.
-    known: dict[tuple[str, ...], set[str]] = {}
+    # Keys of other units cannot be this task's: they need not travel to the worker.
+    known: dict[str, set[str]] = {}
     for row in before:
         if row["status"] != LOST:
-            known.setdefault((*row["recordings"], *row["holdout"]), set()).add(row["key"])
-    work = [(kind, task, text, frozenset(known.get(task.names, ()))) for task in tasks]
+            known.setdefault(row["unit"] or "", set()).add(row["key"])
+    work = [(kind, task, text, frozenset(known.get(task.unit, ()))) for task in tasks]
     notes = _Notes(store)
     with following(progress, f"{kind} {len(work)} tasks") as tell:
         try:
@@ -126,7 +126,7 @@ def _lost(item: _Item, reason: str) -> dict[str, Any]:
     kind, task, settings, _ = item
     robot = task.robot if isinstance(task.robot, str) else task.robot.name
     return {
-        "key": key_of(LOST, robot, task.names, len(task.recordings), settings + kind),
+        "key": key_of(LOST + kind, task, robot, task.names, settings),
         "kind": kind,
         "unit": task.unit,
         "taken": task.taken,

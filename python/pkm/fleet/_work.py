@@ -165,9 +165,9 @@ def _recording(given: str | pkm.Recording, data: bytes | None) -> pkm.Recording:
     return pkm.Recording(read.time, {name: read[name] for name in read.signals}, name=given, meta=read.meta)
 
 
-def key_of(kind: str, robot: str, recordings: Sequence[str], n_learned: int, settings: str) -> str:
-    """What makes two rows the same work: version, kind, settings, and every byte that went in."""
-    parts = [pkm.__version__, kind, settings, robot, str(n_learned), *recordings]
+def key_of(kind: str, task: Task, robot: str, recordings: Sequence[str], settings: str) -> str:
+    """What makes two rows the same work: version, kind, settings, the unit, and every byte that went in; not where the files lie."""
+    parts = [pkm.__version__, kind, settings, task.unit, robot, str(len(task.recordings)), *recordings]
     return sha256("\n".join(parts).encode())
 
 
@@ -193,7 +193,7 @@ def done(kind: str, task: Task, settings: str, known: frozenset[str]) -> dict[st
     except ValueError as error:
         texts, robot_hash, reason = None, "", error
     n = len(task.recordings)
-    row["key"] = key_of(kind, robot_hash or str(reason), hashes, n, settings)
+    row["key"] = key_of(kind, task, robot_hash or str(reason), hashes, settings)
     if row["key"] in known:
         return None
     row |= {"robot_sha256": robot_hash, "recordings_sha256": hashes[:n], "holdout_sha256": hashes[n:]}
