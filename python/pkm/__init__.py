@@ -3,7 +3,7 @@
 Arrays are C-ordered (n_samples, n_joints), float64, SI units. Names are those of the Rust crates.
 """
 
-from . import evidence, plot, progress, prove, robots, verdict
+from . import answers, evidence, plot, progress, prove, robots, verdict
 from ._pkm import (
     Controller,
     Excitation,
@@ -34,6 +34,7 @@ __all__ = [
     "Report",
     "Robot",
     "__version__",
+    "answers",
     "diagnose",
     "effects",
     "evidence",

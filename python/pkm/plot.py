@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.image import AxesImage
     from numpy.typing import ArrayLike, NDArray
 
-    from ._pkm import Mu, Recording, Report, Robot, Workspace
+    from ._pkm import Mu, Recording, Report, Robot
+    from .answers import Workspace
     from .evidence import JointSeries
     from .prove import Marks
 
