@@ -3,7 +3,7 @@
 Arrays are C-ordered (n_samples, n_joints), float64, SI units. Names are those of the Rust crates.
 """
 
-from . import evidence, plot, robots, verdict
+from . import answers, evidence, plot, progress, prove, robots, verdict
 from ._pkm import (
     Controller,
     Excitation,
@@ -18,7 +18,9 @@ from ._pkm import (
     excite,
     load,
     mu,
+    papers,
     read,
+    reproduce,
     simulate,
     write,
 )
@@ -32,14 +34,19 @@ __all__ = [
     "Report",
     "Robot",
     "__version__",
+    "answers",
     "diagnose",
     "effects",
     "evidence",
     "excite",
     "load",
     "mu",
+    "papers",
     "plot",
+    "progress",
+    "prove",
     "read",
+    "reproduce",
     "robots",
     "simulate",
     "verdict",

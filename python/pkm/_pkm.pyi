@@ -1,14 +1,31 @@
 """The compiled part of the package `pkm`; use `pkm` itself."""
 
 import os
-from collections.abc import Callable, Sequence
-from typing import Any, Final, Literal, TypedDict, final, type_check_only
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final, Literal, TypedDict, final, type_check_only
 
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
+from .answers import (
+    AppliedEffect,
+    CatalogueEntry,
+    DriveGains,
+    FrictionShape,
+    Margin,
+    Payload,
+    Quality,
+    Reproduction,
+    Singularities,
+    Workspace,
+)
 from .evidence import Evidence
+from .progress import Progress
 from .verdict import Finding, Verdict
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 __all__ = [
     "Controller",
@@ -25,160 +42,15 @@ __all__ = [
     "load",
     "load_shipped",
     "mu",
+    "papers",
     "read",
+    "reproduce",
     "shipped_names",
     "simulate",
     "write",
 ]
 
 __version__: Final[str]
-
-@type_check_only
-class AppliedEffect(TypedDict):
-    """An effect of the library at a place; `where` has one name."""
-
-    effect: str
-    where: list[str]
-    parameters: dict[str, float]
-
-@type_check_only
-class Singularities(TypedDict):
-    """Arrays over samples; `loosest_motion` has a column per joint, `loosest_output` one per name in `coordinates`."""
-
-    parallel: NDArray[numpy.float64]
-    serial: NDArray[numpy.float64]
-    condition: NDArray[numpy.float64]
-    passive: NDArray[numpy.float64]
-    constraint: NDArray[numpy.float64]
-    loosest_motion: NDArray[numpy.float64]
-    loosest_output: NDArray[numpy.float64]
-    coordinates: list[str]
-
-@type_check_only
-class FrictionShape(TypedDict):
-    """A value that a friction law is not linear in."""
-
-    name: str
-    unit: str
-    stated: float
-    value: float
-    ci95: list[float]
-    is_shown: bool
-
-@type_check_only
-class DriveGain(TypedDict):
-    """Acting effort over recorded effort, and the share of the recorded effort that the known load is."""
-
-    gain: float
-    ci95: list[float]
-    load_share: float
-
-@type_check_only
-class DriveGains(TypedDict):
-    """Gains by driven joint; empty where there is nothing to tell them from."""
-
-    status: Literal["identified", "doubtful", "not_identified"]
-    notes: list[str]
-    drives: dict[str, DriveGain]
-
-@type_check_only
-class Estimated(TypedDict):
-    """A number with its 95 % interval."""
-
-    name: str
-    unit: str
-    value: float
-    ci95: list[float]
-
-@type_check_only
-class Payload(TypedDict):
-    """A body that can exist, about the frame of the link, and what the motion shows of it before anything physical is asked."""
-
-    link: str
-    status: Literal["identified", "doubtful", "not_identified"]
-    notes: list[str]
-    body: dict[str, float]
-    shown: list[Estimated]
-
-@type_check_only
-class Separation(TypedDict):
-    """Two effects after the base parameters have explained what they can."""
-
-    cosine: float
-    angle_deg: float
-    left: list[float]
-    effort: list[float]
-    alone: list[float]
-
-@type_check_only
-class Quality(TypedDict, total=False):
-    """How good a motion is; `separation` with two effects only."""
-
-    condition: float
-    condition_raw: float
-    log_determinant: float
-    separation: Separation
-
-@type_check_only
-class Margin(TypedDict):
-    """Where a motion comes nearest to a limit; `room` is a share of half the range."""
-
-    what: str
-    where: str
-    value: float
-    lower: float
-    upper: float
-    room: float
-    time: float
-
-@type_check_only
-class Workspace(TypedDict):
-    """Arrays with one axis per scanned axis; `cause` indexes `causes`, NaN where the loops do not close."""
-
-    reachable: NDArray[numpy.bool_]
-    cause: NDArray[numpy.uint8]
-    parallel: NDArray[numpy.float64]
-    serial: NDArray[numpy.float64]
-    condition: NDArray[numpy.float64]
-    causes: list[str]
-    home: dict[str, float]
-
-@type_check_only
-class Units(TypedDict):
-    """Unit of a parameter by kind of joint."""
-
-    prismatic: str
-    revolute: str
-
-@type_check_only
-class Parameter(TypedDict):
-    """A parameter of an effect; a default of None makes it required."""
-
-    name: str
-    unit: Units
-    lower: float
-    upper: float
-    default: float | None
-
-@type_check_only
-class LookAlike(TypedDict):
-    """An effect that looks similar in recordings, and what tells the two apart."""
-
-    effect: str
-    experiment: str
-
-@type_check_only
-class CatalogueEntry(TypedDict):
-    """One effect of the library."""
-
-    name: str
-    sentence: str
-    equation: str
-    place: str
-    compensation: str
-    energy: Literal["stores", "dissipates", "passive", "feeds", "neither"]
-    parameters: list[Parameter]
-    look_alikes: list[LookAlike]
 
 @final
 class Robot:
@@ -293,6 +165,9 @@ class Robot:
     def friction_regressor(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
         """Columns [rotor | viscous | Coulomb] of every joint, passive ones included, (n_samples, independent, 3 * nv)."""
 
+    def joint_effort(self, joint: str, v: ArrayLike, *, q: float = 0.0, load: float = 0.0) -> NDArray[numpy.float64]:
+        """Effort of one joint's own laws [N | N·m], friction of the URDF and effects of the file, (n_samples,); zero at rest."""
+
     def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
         """Effort of the drives [N | N·m], (n_samples, n_act): rigid bodies and rotor inertia. Arguments (n_samples, n_act)."""
 
@@ -336,6 +211,17 @@ class Robot:
     def with_effect(self, name: str, where: str, **parameters: float) -> Robot:
         """The same robot with one more effect of the library at a joint or link; parameters SI."""
 
+    def texts(self) -> tuple[str, str]:
+        """The robot as the texts of its robot.toml and of its URDF, every effect included: what `from_texts` reads."""
+
+    @classmethod
+    def from_texts(cls, toml: str, urdf: str) -> Robot:
+        """A robot from the texts of a robot.toml and of the URDF that it names."""
+
+    def unit(self, signal: str) -> str | None:
+        """Unit of a signal of this robot's recordings, by its name (`q.<joint>`, ...); None where that says nothing."""
+
+    def __reduce__(self) -> tuple[Any, tuple[str, str]]: ...
     def to_mjcf(self) -> str:
         """The robot as MJCF, for MuJoCo; its closed assembly is the keyframe `home`. Comments at the head say what is not in it."""
 
@@ -374,6 +260,21 @@ class Recording:
     def __getitem__(self, name: str, /) -> NDArray[numpy.float64]:
         """One signal, shape (n_samples,); read-only."""
 
+    def to_pandas(self, robot: Robot | None = None) -> pandas.DataFrame:
+        """A column per signal over `time`; units in `attrs`, those of joints with the `robot`. Needs pandas."""
+
+    def to_xarray(self, robot: Robot | None = None) -> xarray.Dataset:
+        """A variable per signal over `time`; units in `attrs`, those of joints with the `robot`. Needs xarray."""
+
+    @staticmethod
+    def from_pandas(frame: pandas.DataFrame) -> Recording:
+        """The index, or the column `t` or `time`, is time [s], every other column a signal."""
+
+    @staticmethod
+    def from_xarray(dataset: xarray.Dataset) -> Recording:
+        """The coordinate `time` is time [s], every variable over it alone a signal."""
+
+    def __getnewargs_ex__(self) -> tuple[tuple[Any, ...], dict[str, Any]]: ...
     def __contains__(self, name: str, /) -> bool: ...
     def __len__(self) -> int: ...
 
@@ -405,8 +306,21 @@ class Identification:
         `rate_hz`, averaged over `period_s`, efforts moved by `late_s` or by an estimate within `find_late_s` to either side.
         """
 
-    def fit(self, recordings: Recording | Sequence[Recording], *, holdout: Recording | Sequence[Recording] | None = None) -> Identification:
+    def fit(
+        self,
+        recordings: Recording | Sequence[Recording],
+        *,
+        holdout: Recording | Sequence[Recording] | None = None,
+        progress: Progress = None,
+    ) -> Identification:
         """Learns from recordings, judges on `holdout` (without it, on every second of ten blocks of each), returns itself."""
+
+    def get_params(self) -> dict[str, Any]:
+        """The keywords of the constructor with their values."""
+
+    def __getnewargs_ex__(self) -> tuple[tuple[Robot], dict[str, Any]]: ...
+    def __getstate__(self) -> bytes | None: ...
+    def __setstate__(self, state: bytes) -> None: ...
 
     @property
     def status_(self) -> str:
@@ -549,7 +463,7 @@ def excite(
     draws: int = 25,
     iterations: int = 150,
     seed: int = 1,
-    progress: Callable[[float], Any] | None = None,
+    progress: Progress = None,
 ) -> Excitation:
     """Looks for a periodic motion that shows a robot's parameters as well as its limits allow, or tells two effects apart.
 
@@ -586,12 +500,21 @@ class Report:
         """The refined robot itself, with every finding in it."""
 
     def _repr_html_(self) -> str: ...
+    @classmethod
+    def _from_bytes(cls, bytes: bytes) -> Report: ...
+    def __reduce__(self) -> tuple[Any, tuple[bytes]]: ...
 
 def load(path: str | os.PathLike[str]) -> Robot:
     """Reads the robot.toml at `path` and the URDF it names."""
 
 def effects() -> list[CatalogueEntry]:
     """The effects of the library, in the order in which equal explanations are preferred."""
+
+def papers() -> list[str]:
+    """Keys of the papers that `reproduce` knows, in the order of their years."""
+
+def reproduce(paper: str, *, progress: Progress = None) -> Reproduction:
+    """Does a paper's experiments again: every number of its against ours, and its plots."""
 
 def shipped_names() -> list[str]:
     """Names of the shipped robots."""
@@ -618,8 +541,13 @@ def simulate(
     encoder_noise: float | None = None,
     effort_noise: float | None = None,
     name: str | None = None,
+    reference: Recording | None = None,
+    progress: Progress = None,
 ) -> Recording:
-    """Moves `truth` under a controller that knows only `nominal` and returns what a recorder would have written."""
+    """Moves `truth` under a controller that knows only `nominal` and returns what a recorder would have written.
+
+    `reference`: a recording whose `q_ref.*`, or else `q.*`, is followed from end to end, in place of a motion drawn by chance.
+    """
 
 def diagnose(
     robot: Robot,
@@ -629,7 +557,7 @@ def diagnose(
     band_hz: float | None = None,
     floor: float | None = None,
     seed: int | None = None,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
 ) -> Report:
     """Compares recordings with the robot's model: where they differ, which physics is missing, how much, how much better it fits."""
 

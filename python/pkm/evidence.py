@@ -67,6 +67,30 @@ class Screened(TypedDict):
     why_not: str
 
 
+class Dependence(TypedDict):
+    """A leftover against one signal: partial dependence in stretches of equally many samples; arrays have one entry per stretch."""
+
+    joint: str
+    unit: str
+    signal: str
+    x: NDArray[numpy.float64]
+    """Mean of the signal."""
+    mean: NDArray[numpy.float64]
+    """Mean leftover, in `unit`."""
+    error: NDArray[numpy.float64]
+    """Two standard errors of that mean."""
+
+
+class Lines(TypedDict):
+    """A leftover's amplitude over frequency or order; `over` says which, with its unit."""
+
+    joint: str
+    unit: str
+    over: str
+    x: NDArray[numpy.float64]
+    amplitude: NDArray[numpy.float64]
+
+
 class Evidence(TypedDict):
     """Everything a report shows besides the verdict; `null_surprise`: 95 % and 99 % of what chance alone reaches, in sigmas."""
 
@@ -77,3 +101,5 @@ class Evidence(TypedDict):
     ruled_out: list[Screened]
     null_surprise: tuple[float, float]
     null_runs: int
+    dependences: list[Dependence]
+    lines: list[Lines]

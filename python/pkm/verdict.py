@@ -107,6 +107,13 @@ class Invisible(TypedDict):
     why: str
 
 
+class Compensation(TypedDict):
+    """What a controller does about a finding."""
+
+    in_refined_model: bool
+    says: str
+
+
 class Finding(TypedDict):
     """One piece of missing physics: located, named, sized and proven on held-out data."""
 
@@ -122,6 +129,7 @@ class Finding(TypedDict):
     heldout_rms_after: float
     says: str
     equation: str
+    compensation: Compensation
     look_alikes: list[LookAlike]
     cannot_tell_from: list[EffectAt]
     experiments: list[Experiment]

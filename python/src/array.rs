@@ -10,6 +10,7 @@ use crate::error;
 pub(crate) type ArrayLike<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
 
 /// Samples of a vector: `n_samples × n`, row by row.
+#[derive(Clone)]
 pub(crate) struct Samples {
     values: Vec<f64>,
     /// Length of each vector.
@@ -67,6 +68,7 @@ fn as_tuple(shape: &[usize]) -> String {
 }
 
 /// Positions, velocities and accelerations of equally many samples.
+#[derive(Clone)]
 pub(crate) struct Motion {
     /// Positions `[m | rad]`.
     pub(crate) q: Samples,

@@ -3,23 +3,34 @@
 use alloc::sync::Arc;
 use std::path::{Path, PathBuf};
 
-use pkm_diagnose::{Diagnosis, Settings, Verdict};
+use pkm_diagnose::{Diagnosis, Evidence, Refined, Settings, Verdict};
 use pkm_dyn::urdf::{self, Description};
 use pkm_ident::Recording as Signals;
 use pkm_report::Style;
 use pyo3::exceptions::{PyOSError, PyTypeError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict, PyType};
+use serde::{Deserialize, Serialize};
 
 use crate::dynamics::Robot;
-use crate::error;
+use crate::long::{self, Progress};
 use crate::recording::Recording;
+use crate::{error, state};
 
 /// A finished diagnosis: the verdict, the numbers behind it, and the robot it leads to. `print(report)` tells the whole story.
 #[pyclass(frozen, module = "pkm")]
 pub(crate) struct Report {
     description: Arc<Description>,
     diagnosis: Diagnosis,
+}
+
+/// A report as it travels: robots as their texts.
+#[derive(Serialize, Deserialize)]
+struct Travelling {
+    robot: [String; 2],
+    verdict: Verdict,
+    evidence: Evidence,
+    refined: Option<[String; 2]>,
 }
 
 fn json(verdict: &Verdict) -> PyResult<String> {
@@ -94,6 +105,31 @@ impl Report {
         Ok(Robot::new(description))
     }
 
+    /// What pickle puts back together.
+    #[classmethod]
+    #[pyo3(name = "_from_bytes")]
+    fn from_bytes(_cls: &Bound<'_, PyType>, bytes: &[u8]) -> PyResult<Self> {
+        let Travelling { robot, verdict, evidence, refined } = state::from_bytes("Report", bytes)?;
+        let read = |[toml, urdf]: &[String; 2]| urdf::parse(toml, urdf, ["robot.toml", "robot.urdf"]).map_err(|e| error::load(&e));
+        let description = Arc::new(read(&robot)?);
+        let refined = refined.as_ref().map(read).transpose()?;
+        let refined = refined.map(|r| Refined { model: r.bare, effects: r.robot.effects });
+        Ok(Self { description, diagnosis: Diagnosis { verdict, evidence, refined } })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        let Self { description, diagnosis } = slf.get();
+        let texts = |refined: &Refined| refined.texts(description, "refined.urdf").map_err(error::value);
+        let travelling = Travelling {
+            robot: [description.toml_text.clone(), description.urdf_text.clone()],
+            verdict: diagnosis.verdict.clone(),
+            evidence: diagnosis.evidence.clone(),
+            refined: diagnosis.refined.as_ref().map(texts).transpose()?,
+        };
+        let bytes = state::to_bytes(&travelling)?;
+        Ok((slf.get_type().getattr("_from_bytes")?, (PyBytes::new(slf.py(), &bytes),)))
+    }
+
     fn __str__(&self) -> String {
         pkm_report::terminal(&self.diagnosis, Style::Plain)
     }
@@ -146,7 +182,7 @@ fn settings(band_hz: Option<f64>, floor: Option<f64>, seed: Option<u64>) -> PyRe
 ///
 /// `recordings`, `holdout`: a recording or a sequence of them; without `holdout`, part of each recording is held out. `band_hz`:
 /// low-pass for effort and model alike `[Hz]`, chosen from the motion when None; `floor`: smallest held-out gain worth a name, as a
-/// share of the squared error; `seed`: of the null runs; `progress`: called with the share done, 0 to 1.
+/// share of the squared error; `seed`: of the null runs; `progress`: called with the share done, 0 to 1, or True for a bar.
 #[pyfunction]
 #[pyo3(signature = (robot, recordings, *, holdout = None, band_hz = None, floor = None, seed = None,
     progress = None))]
@@ -159,23 +195,16 @@ pub(crate) fn diagnose(
     band_hz: Option<f64>,
     floor: Option<f64>,
     seed: Option<u64>,
-    progress: Option<Py<PyAny>>,
+    progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Report> {
     let settings = settings(band_hz, floor, seed)?;
     let train = signals("recordings", recordings)?;
     let holdout = holdout.map_or(Ok(Vec::new()), |h| signals("holdout", h))?;
     let description = Arc::clone(robot.get().description());
-    // The engine cannot be stopped from here: what the callback raises is kept and raised at the end.
-    let mut raised: PyResult<()> = Ok(());
-    let diagnosis = py.detach(|| {
-        let mut tell = |share: f64| {
-            if let (Some(progress), Ok(())) = (&progress, &raised) {
-                raised = Python::attach(|py| progress.call1(py, (share,)).map(|_| ()));
-            }
-        };
-        pkm_diagnose::diagnose(&description, &train, &holdout, &settings, &mut tell)
-    });
-    raised?;
+    let progress = Progress::of(py, progress, "diagnosing")?;
+    let diagnosed = Arc::clone(&description);
+    let diagnosis =
+        long::run(py, &progress, move |told| pkm_diagnose::diagnose(&diagnosed, &train, &holdout, &settings, &mut |share| told(share)))?;
     let diagnosis = diagnosis.map_err(|e| error::input(&e))?;
     Ok(Report { description, diagnosis })
 }

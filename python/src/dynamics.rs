@@ -5,17 +5,30 @@ use alloc::sync::Arc;
 use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
-use pkm_dyn::effects::{Applied, CATALOGUE, Energy, Entry, Robot as Physics};
+use pkm_dyn::effects::{Applied, CATALOGUE, Energy, Entry, JointState, Robot as Physics};
 use pkm_dyn::jacobian::Reference;
 use pkm_dyn::model::{FrameOnBody, JointKind, Model};
 use pkm_dyn::spatial::Pose;
 use pkm_dyn::urdf::{self, Description, EffectSpec, Places, export};
 use pkm_dyn::{Data, loops};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::{PyDict, PyList, PyType};
 
-use crate::array::{ArrayLike, Motion, Samples, matrices, matrix, read_only};
-use crate::{error, mechanics, motion, workspace};
+use crate::array::{ArrayLike, Motion, Samples, matrices, matrix, read_only, vector};
+use crate::{error, long, mechanics, motion, units, workspace};
+
+/// Work over samples as a long call: what it borrows goes with it.
+macro_rules! over {
+    ($robot:ident, $py:ident, $n:expr, [$($x:ident),*], |$model:ident| $work:expr) => {{
+        let n = $n;
+        let description = Arc::clone(&$robot.description);
+        $(let $x = $x.clone();)*
+        long::over($py, n, move || {
+            let $model = &description.robot.model;
+            $work
+        })
+    }};
+}
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
 type Matrix<'py> = Bound<'py, PyArray2<f64>>;
@@ -29,6 +42,10 @@ pub(crate) struct Robot {
 impl Robot {
     pub(crate) fn new(description: Description) -> Self {
         Self { description: Arc::new(description) }
+    }
+
+    pub(crate) fn shared(description: Arc<Description>) -> Self {
+        Self { description }
     }
 
     pub(crate) fn description(&self) -> &Arc<Description> {
@@ -163,7 +180,7 @@ impl Robot {
     ) -> PyResult<(Matrix<'py>, Matrix<'py>, Matrix<'py>)> {
         let (driven, model) = (self.driven([&q, &v, &a])?, self.model());
         let shape = [driven.len(), model.nv()];
-        let [q, v, a] = py.detach(|| motion::tree_motion(model, &driven))?;
+        let [q, v, a] = over!(self, py, driven.len(), [driven], |model| motion::tree_motion(model, &driven))??;
         Ok((matrix(py, q, shape)?, matrix(py, v, shape)?, matrix(py, a, shape)?))
     }
 
@@ -176,28 +193,28 @@ impl Robot {
     /// Mass matrix of the tree, shape `(n_samples, nv, nv)`, loops open, rotors included. q `(n_samples, nv)`.
     fn crba<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let ([q], model) = (self.tree([("q", &q)])?, self.model());
-        let all = py.detach(|| mechanics::mass_matrices(model, &q));
+        let all = over!(self, py, q.len(), [q], |model| mechanics::mass_matrices(model, &q))?;
         matrices(py, all, [q.len(), model.nv(), model.nv()])
     }
 
     /// Accelerations of the tree for its efforts, shape `(n_samples, nv)`, loops open. Arguments `(n_samples, nv)`.
     fn aba<'py>(&self, py: Python<'py>, q: ArrayLike<'py>, v: ArrayLike<'py>, tau: ArrayLike<'py>) -> PyResult<Matrix<'py>> {
         let ([q, v, tau], model) = (self.tree([("q", &q), ("v", &v), ("tau", &tau)])?, self.model());
-        let all = py.detach(|| mechanics::accelerations(model, [&q, &v, &tau]));
+        let all = over!(self, py, q.len(), [q, v, tau], |model| mechanics::accelerations(model, [&q, &v, &tau]))?;
         matrix(py, all, [q.len(), model.nv()])
     }
 
     /// Coriolis, centrifugal and gravity efforts of the tree, shape `(n_samples, nv)`. Arguments `(n_samples, nv)`.
     fn nle<'py>(&self, py: Python<'py>, q: ArrayLike<'py>, v: ArrayLike<'py>) -> PyResult<Matrix<'py>> {
         let ([q, v], model) = (self.tree([("q", &q), ("v", &v)])?, self.model());
-        let all = py.detach(|| mechanics::nle(model, [&q, &v]));
+        let all = over!(self, py, q.len(), [q, v], |model| mechanics::nle(model, [&q, &v]))?;
         matrix(py, all, [q.len(), model.nv()])
     }
 
     /// Efforts that hold the tree against gravity, shape `(n_samples, nv)`. q `(n_samples, nv)`.
     fn generalized_gravity<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Matrix<'py>> {
         let ([q], model) = (self.tree([("q", &q)])?, self.model());
-        let all = py.detach(|| mechanics::gravity(model, &q));
+        let all = over!(self, py, q.len(), [q], |model| mechanics::gravity(model, &q))?;
         matrix(py, all, [q.len(), model.nv()])
     }
 
@@ -211,36 +228,36 @@ impl Robot {
         tau: ArrayLike<'py>,
     ) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
         let ([q, v, tau], model) = (self.tree([("q", &q), ("v", &v), ("tau", &tau)])?, self.model());
-        let [a, lambda] = py.detach(|| mechanics::constrained(model, [&q, &v, &tau]))?;
+        let [a, lambda] = over!(self, py, q.len(), [q, v, tau], |model| mechanics::constrained(model, [&q, &v, &tau]))??;
         Ok((matrix(py, a, [q.len(), model.nv()])?, matrix(py, lambda, [q.len(), model.n_constraints()])?))
     }
 
     /// Closure error of every constraint row `(n_samples, rows)` and its Jacobian `(n_samples, rows, nv)`. q `(n_samples, nv)`.
     fn loop_gap<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<(Matrix<'py>, Bound<'py, PyArray3<f64>>)> {
         let ([q], model) = (self.tree([("q", &q)])?, self.model());
-        let [gap, jacobian] = py.detach(|| mechanics::gaps(model, &q));
+        let [gap, jacobian] = over!(self, py, q.len(), [q], |model| mechanics::gaps(model, &q))?;
         let rows = model.n_constraints();
         Ok((matrix(py, gap, [q.len(), rows])?, matrices(py, jacobian, [q.len(), rows, model.nv()])?))
     }
 
     /// Kinetic and potential energy `[J]`, shape `(n_samples,)` each. Arguments `(n_samples, nv)`.
     fn energies<'py>(&self, py: Python<'py>, q: ArrayLike<'py>, v: ArrayLike<'py>) -> PyResult<(Vector<'py>, Vector<'py>)> {
-        let ([q, v], model) = (self.tree([("q", &q), ("v", &v)])?, self.model());
-        let [kinetic, potential] = py.detach(|| mechanics::energies(model, [&q, &v]));
+        let [q, v] = self.tree([("q", &q), ("v", &v)])?;
+        let [kinetic, potential] = over!(self, py, q.len(), [q, v], |model| mechanics::energies(model, [&q, &v]))?;
         Ok((PyArray1::from_vec(py, kinetic), PyArray1::from_vec(py, potential)))
     }
 
     /// Centre of mass `[m]`, shape `(n_samples, 3)`, and its Jacobian `(n_samples, 3, nv)`. q `(n_samples, nv)`.
     fn center_of_mass<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<(Matrix<'py>, Bound<'py, PyArray3<f64>>)> {
         let ([q], model) = (self.tree([("q", &q)])?, self.model());
-        let [centre, jacobian] = py.detach(|| mechanics::centres(model, &q));
+        let [centre, jacobian] = over!(self, py, q.len(), [q], |model| mechanics::centres(model, &q))?;
         Ok((matrix(py, centre, [q.len(), 3])?, matrices(py, jacobian, [q.len(), 3, model.nv()])?))
     }
 
     /// Pose of a link's frame in the root frame, shape `(n_samples, 4, 4)`. q `(n_samples, nv)`.
     fn frame_pose<'py>(&self, py: Python<'py>, link: &str, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let ([q], model, frame) = (self.tree([("q", &q)])?, self.model(), self.frame(link)?);
-        let all = py.detach(|| mechanics::frame_poses(model, &frame, &q));
+        let ([q], frame) = (self.tree([("q", &q)])?, self.frame(link)?);
+        let all = over!(self, py, q.len(), [frame, q], |model| mechanics::frame_poses(model, &frame, &q))?;
         matrices(py, all, [q.len(), 4, 4])
     }
 
@@ -273,26 +290,28 @@ impl Robot {
                 (q, Some(v))
             }
         };
-        let all = py.detach(|| mechanics::frame_jacobians(model, &frame, &q, v.as_ref(), reference));
+        let all = over!(self, py, q.len(), [frame, q, v], |model| mechanics::frame_jacobians(model, &frame, &q, v.as_ref(), reference))?;
         matrices(py, all, [q.len(), 6, model.nv()])
     }
 
     /// Tree positions moved by a velocity held for unit time, shape `(n_samples, nv)`. Arguments `(n_samples, nv)`.
     fn integrate<'py>(&self, py: Python<'py>, q: ArrayLike<'py>, dv: ArrayLike<'py>) -> PyResult<Matrix<'py>> {
         let ([q, dv], model) = (self.tree([("q", &q), ("dv", &dv)])?, self.model());
-        matrix(py, py.detach(|| mechanics::integrated(model, [&q, &dv])), [q.len(), model.nv()])
+        let all = over!(self, py, q.len(), [q, dv], |model| mechanics::integrated(model, [&q, &dv]))?;
+        matrix(py, all, [q.len(), model.nv()])
     }
 
     /// The velocity that leads from one tree position to another in unit time, shape `(n_samples, nv)`. Arguments `(n_samples, nv)`.
     fn difference<'py>(&self, py: Python<'py>, from_q: ArrayLike<'py>, to_q: ArrayLike<'py>) -> PyResult<Matrix<'py>> {
         let ([from, to], model) = (self.tree([("from_q", &from_q), ("to_q", &to_q)])?, self.model());
-        matrix(py, py.detach(|| mechanics::differences(model, [&from, &to])), [from.len(), model.nv()])
+        let all = over!(self, py, from.len(), [from, to], |model| mechanics::differences(model, [&from, &to]))?;
+        matrix(py, all, [from.len(), model.nv()])
     }
 
     /// Mass matrix in the independent coordinates, shape `(n_samples, independent, independent)`. q of the drives `(n_samples, n_act)`.
     fn reduced_mass_matrix<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let (driven, model) = (self.driven([&q, &q, &q])?, self.model());
-        let all = py.detach(|| motion::reduced_mass_matrices(model, &driven))?;
+        let driven = self.driven([&q, &q, &q])?;
+        let all = over!(self, py, driven.len(), [driven], |model| motion::reduced_mass_matrices(model, &driven))??;
         let n = self.independent().len();
         matrices(py, all, [driven.len(), n, n])
     }
@@ -307,15 +326,32 @@ impl Robot {
         a: ArrayLike<'py>,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (driven, model) = (self.driven([&q, &v, &a])?, self.model());
-        let all = py.detach(|| motion::friction_regressors(model, &driven))?;
+        let all = over!(self, py, driven.len(), [driven], |model| motion::friction_regressors(model, &driven))??;
         matrices(py, all, [driven.len(), self.independent().len(), 3 * model.nv()])
     }
 
     /// Efforts of the loops for a motion of the drives `[N | N·m]`, shape `(n_samples, rows)`: link a on link b, seen in a.
     fn loop_efforts<'py>(&self, py: Python<'py>, q: ArrayLike<'py>, v: ArrayLike<'py>, a: ArrayLike<'py>) -> PyResult<Matrix<'py>> {
         let (driven, model) = (self.driven([&q, &v, &a])?, self.model());
-        let all = py.detach(|| motion::loop_efforts(model, &driven))?;
+        let all = over!(self, py, driven.len(), [driven], |model| motion::loop_efforts(model, &driven))??;
         matrix(py, all, [driven.len(), model.n_constraints()])
+    }
+
+    /// Effort of one joint's own laws, friction of the URDF and effects of the robot file, `[N | N·m]`, shape of `v`.
+    ///
+    /// `v` `[m/s | rad/s]` of shape `(n_samples,)`; `q` `[m | rad]` and the transmitted effort `load` `[N | N·m]`: the same throughout.
+    /// At rest no law says what friction is: zero is returned there. Laws with a memory, and those of links, are not in it.
+    #[pyo3(signature = (joint, v, *, q = 0.0, load = 0.0))]
+    fn joint_effort<'py>(&self, py: Python<'py>, joint: &str, v: ArrayLike<'py>, q: f64, load: f64) -> PyResult<Vector<'py>> {
+        let model = self.model();
+        let known = || self.joint_names(0..model.nv()).join(", ");
+        let j = model.joint_index(joint).ok_or_else(|| error::value(format!("no joint {joint:?} (there are: {})", known())))?;
+        let v = vector("v", &v, None)?;
+        let at = |v: &f64| {
+            let sign = if *v == 0.0 { 0.0 } else { v.signum() };
+            self.description.robot.joint_effort(j, &JointState { q, v: *v, sign, load, ..JointState::default() })
+        };
+        Ok(PyArray1::from_vec(py, v.iter().map(at).collect()))
     }
 
     /// Effort of the drives `[N | N·m]`, shape `(n_samples, n_act)`: rigid bodies and rotor inertia, no friction.
@@ -323,7 +359,7 @@ impl Robot {
     /// q `[m | rad]`, v `[m/s | rad/s]`, a `[m/s² | rad/s²]`: shape `(n_samples, n_act)`. The loops are followed from sample to sample.
     fn inverse_dynamics<'py>(&self, py: Python<'py>, q: ArrayLike<'py>, v: ArrayLike<'py>, a: ArrayLike<'py>) -> PyResult<Matrix<'py>> {
         let (driven, model) = (self.driven([&q, &v, &a])?, self.model());
-        let tau = py.detach(|| motion::inverse_dynamics(model, &driven))?;
+        let tau = over!(self, py, driven.len(), [driven], |model| motion::inverse_dynamics(model, &driven))??;
         matrix(py, tau, [driven.len(), model.n_act()])
     }
 
@@ -373,7 +409,7 @@ impl Robot {
             return Err(error::value(format!("tau has {} samples, q has {}", tau.len(), driven.len())));
         }
         let n = 10 * model.nv();
-        let found = py.detach(|| motion::products(model, &driven, &tau))?;
+        let found = over!(self, py, driven.len(), [driven, tau], |model| motion::products(model, &driven, &tau))??;
         let w_w = (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).map(|at| found.w_w[at]).collect();
         Ok((matrix(py, w_w, [n, n])?, PyArray1::from_vec(py, found.w_tau), found.tau_tau))
     }
@@ -383,7 +419,7 @@ impl Robot {
     /// q `[m | rad]`, v `[m/s | rad/s]`, a `[m/s² | rad/s²]`: shape `(n_samples, nv)`, all joints.
     fn rnea<'py>(&self, py: Python<'py>, q: ArrayLike<'py>, v: ArrayLike<'py>, a: ArrayLike<'py>) -> PyResult<Matrix<'py>> {
         let (whole, model) = (self.whole([&q, &v, &a])?, self.model());
-        let tau = py.detach(|| motion::tree_efforts(model, &whole));
+        let tau = over!(self, py, whole.len(), [whole], |model| motion::tree_efforts(model, &whole))?;
         matrix(py, tau, [whole.len(), model.nv()])
     }
 
@@ -398,7 +434,7 @@ impl Robot {
         a: ArrayLike<'py>,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (whole, model) = (self.whole([&q, &v, &a])?, self.model());
-        let all = py.detach(|| motion::tree_regressors(model, &whole));
+        let all = over!(self, py, whole.len(), [whole], |model| motion::tree_regressors(model, &whole))?;
         matrices(py, all, [whole.len(), model.nv(), 10 * model.nv()])
     }
 
@@ -457,7 +493,30 @@ impl Robot {
         effects.push(applied);
         description.robot = Physics::new(description.bare.clone(), effects);
         description.spec.effects.push(EffectSpec { name: name.to_string(), places: Places::One(r#where.to_string()), parameters });
+        // The text is what travels: it must have the effect as well.
+        description.toml_text = toml::to_string_pretty(&description.spec).map_err(|e| error::value(format!("robot.toml: {e}")))?;
         Ok(Self::new(description))
+    }
+
+    /// The robot as the texts of its robot.toml and of its URDF, every effect included: what `from_texts` reads.
+    fn texts(&self) -> (&str, &str) {
+        (&self.description.toml_text, &self.description.urdf_text)
+    }
+
+    /// A robot from the texts of a robot.toml and of the URDF that it names; `ValueError` as `load`.
+    #[classmethod]
+    fn from_texts(_cls: &Bound<'_, PyType>, toml: &str, urdf: &str) -> PyResult<Self> {
+        Ok(Self::new(urdf::parse(toml, urdf, ["robot.toml", "robot.urdf"]).map_err(|e| error::load(&e))?))
+    }
+
+    /// Unit of a signal of this robot's recordings, by its name (`q.<joint>`, `tau.<joint>`, ...); None where that says nothing.
+    fn unit(&self, signal: &str) -> Option<&'static str> {
+        units::of(self.model(), signal)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (String, String))> {
+        let (toml, urdf) = slf.get().texts();
+        Ok((slf.get_type().getattr("from_texts")?, (toml.to_string(), urdf.to_string())))
     }
 
     /// The robot as MJCF, for MuJoCo; its closed assembly is the keyframe `home`. Comments at the head say what is not in it.

@@ -63,6 +63,14 @@ pub(crate) fn as_dict<'py>(py: Python<'py>, e: &Evidence) -> PyResult<Bound<'py,
         let wins = (s.wins[0], s.wins[1]);
         Ok(dict!(py, "effect": &s.effect, "where": &s.place, "gain": s.gain, "surprise": s.surprise, "wins": wins, "why_not": &s.why_not))
     })?;
+    let dependences = list(py, &e.dependences, |d| {
+        let (x, mean, error) = (read_only(py, &d.x), read_only(py, &d.mean), read_only(py, &d.error));
+        Ok(dict!(py, "joint": &d.joint, "unit": &d.unit, "signal": &d.signal, "x": x, "mean": mean, "error": error))
+    })?;
+    let lines = list(py, &e.lines, |l| {
+        let (x, amplitude) = (read_only(py, &l.x), read_only(py, &l.amplitude));
+        Ok(dict!(py, "joint": &l.joint, "unit": &l.unit, "over": &l.over, "x": x, "amplitude": amplitude))
+    })?;
     Ok(dict!(py,
         "joints": list(py, &e.joints, |j| joint(py, j))?,
         "findings": list(py, &e.findings, |f| finding(py, f))?,
@@ -71,5 +79,7 @@ pub(crate) fn as_dict<'py>(py: Python<'py>, e: &Evidence) -> PyResult<Bound<'py,
         "ruled_out": ruled_out,
         "null_surprise": (e.null_surprise[0], e.null_surprise[1]),
         "null_runs": e.null_runs,
+        "dependences": dependences,
+        "lines": lines,
     ))
 }

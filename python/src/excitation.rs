@@ -3,7 +3,6 @@
 use alloc::collections::BTreeMap;
 use alloc::sync::Arc;
 use std::path::PathBuf;
-use std::sync::Mutex;
 
 use numpy::{PyArray1, PyArray2};
 use pkm_dyn::effects::Applied;
@@ -17,6 +16,7 @@ use crate::array::{ArrayLike, matrix, read_only, vector};
 use crate::dynamics::Robot;
 use crate::error;
 use crate::identification::term;
+use crate::long::{self, Progress};
 use crate::recording::Recording;
 
 type Matrix<'py> = Bound<'py, PyArray2<f64>>;
@@ -245,7 +245,7 @@ pub(crate) fn excite(
     draws: usize,
     iterations: usize,
     seed: u64,
-    progress: Option<Py<PyAny>>,
+    progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Excitation> {
     let description = Arc::clone(robot.get().description());
     let model = &description.robot.model;
@@ -271,18 +271,9 @@ pub(crate) fn excite(
         iterations,
         seed,
     };
-    // What a callback raises ends the call, once the search is over: it runs in threads of its own.
-    let raised: Mutex<Option<PyErr>> = Mutex::new(None);
-    let told = |share: f64| {
-        let Some(callback) = &progress else { return };
-        let Ok(mut raised) = raised.lock() else { return };
-        if raised.is_none() {
-            *raised = Python::attach(|py| callback.call1(py, (share,)).err());
-        }
-    };
-    let found = py.detach(|| excitation::excite(&description.robot, &settings, &told)).map_err(|e| error::value(e.to_string()))?;
-    if let Some(error) = raised.into_inner().ok().flatten() {
-        return Err(error);
-    }
+    let progress = Progress::of(py, progress, "exciting")?;
+    let searched = Arc::clone(&description);
+    let found = long::run(py, &progress, move |told| excitation::excite(&searched.robot, &settings, &told))?;
+    let found = found.map_err(|e| error::value(e.to_string()))?;
     Ok(Excitation { description, found })
 }

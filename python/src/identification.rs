@@ -6,34 +6,87 @@ use numpy::{PyArray1, PyArray2};
 use pkm_dyn::effects;
 use pkm_dyn::parameters::NAMES;
 use pkm_dyn::urdf::{self, Description};
-use pkm_ident::answer::{self, Estimated, JointError};
 use pkm_ident::beside::{Beside, Question};
 use pkm_ident::estimate::Method;
-use pkm_ident::note::{Note, Status};
 use pkm_ident::observation::RowOptions;
 use pkm_ident::preprocess::differentiation::Derivative;
 use pkm_ident::preprocess::{Clock, Preprocess};
-use pkm_ident::refine::identified;
 use pkm_ident::{Recording, Settings, Shapes, Term, identify_in_closed_loop};
 use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::{PyBytes, PyDict, PyList};
 
 use crate::array::{matrix, read_only};
 use crate::diagnosis::signals;
 use crate::dynamics::Robot;
-use crate::error;
+use crate::learned::{Learned, Number};
+use crate::long::{self, Progress};
+use crate::{error, state};
 
 /// Estimates the parameters of a robot from recordings: `Identification(robot).fit(recording)`.
 #[pyclass(module = "pkm")]
 pub(crate) struct Identification {
     description: Arc<Description>,
     settings: Settings,
-    /// What is asked beside the parameters: gains, and the link of a payload.
+    asked: Asked,
+    learned: Option<Learned>,
+}
+
+/// The keywords of the constructor, as they were given: what travels, and what `get_params` returns.
+#[derive(Clone)]
+struct Asked {
+    method: String,
+    band_hz: Option<f64>,
+    hold: Vec<String>,
+    shapes: bool,
     gains: bool,
     payload: Option<String>,
-    learned: Option<answer::Identification>,
-    beside: Beside,
+    outliers: Option<f64>,
+    rate_hz: Option<f64>,
+    period_s: Option<f64>,
+    late_s: Option<f64>,
+    find_late_s: Option<f64>,
+    derivative: String,
+}
+
+impl Asked {
+    fn settings(&self) -> PyResult<Settings> {
+        Ok(Settings {
+            method: method(&self.method)?,
+            rows: RowOptions { band_hz: self.band_hz, derivative: derivative(&self.derivative)?, ..RowOptions::default() },
+            held: self.hold.iter().map(|h| term(h)).collect::<PyResult<Vec<_>>>()?,
+            preprocess: Preprocess {
+                outliers: positive("outliers", self.outliers)?,
+                rate_hz: positive("rate_hz", self.rate_hz)?,
+                period_s: positive("period_s", self.period_s)?,
+                clock: clock(self.late_s, self.find_late_s)?,
+            },
+            shapes: if self.shapes { Shapes::Estimated } else { Shapes::Stated },
+            ..Settings::default()
+        })
+    }
+
+    fn as_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let out = PyDict::new(py);
+        out.set_item("method", &self.method)?;
+        out.set_item("hold", &self.hold)?;
+        out.set_item("shapes", self.shapes)?;
+        out.set_item("gains", self.gains)?;
+        out.set_item("payload", &self.payload)?;
+        out.set_item("derivative", &self.derivative)?;
+        let numbers = [
+            ("band_hz", self.band_hz),
+            ("outliers", self.outliers),
+            ("rate_hz", self.rate_hz),
+            ("period_s", self.period_s),
+            ("late_s", self.late_s),
+            ("find_late_s", self.find_late_s),
+        ];
+        for (key, number) in numbers {
+            out.set_item(key, number)?;
+        }
+        Ok(out)
+    }
 }
 
 fn method(name: &str) -> PyResult<Method> {
@@ -72,34 +125,26 @@ fn clock(late_s: Option<f64>, find_late_s: Option<f64>) -> PyResult<Clock> {
     }
 }
 
-fn status(status: Status) -> &'static str {
-    match status {
-        Status::Identified => "identified",
-        Status::Doubtful => "doubtful",
-        Status::NotIdentified => "not_identified",
-    }
-}
-
-fn sentences(notes: &[Note]) -> Vec<String> {
-    notes.iter().map(ToString::to_string).collect()
-}
-
 /// Estimated numbers as dicts.
-fn estimated<'py>(py: Python<'py>, all: &[Estimated]) -> PyResult<Bound<'py, PyList>> {
+fn numbers<'py>(py: Python<'py>, all: &[Number]) -> PyResult<Bound<'py, PyList>> {
     let out = PyList::empty(py);
     for e in all {
-        let one = PyDict::new(py);
-        one.set_item("name", &e.name)?;
-        one.set_item("unit", e.unit)?;
-        one.set_item("value", e.value)?;
-        one.set_item("ci95", e.ci95)?;
-        out.append(one)?;
+        out.append(number(py, e)?)?;
     }
     Ok(out)
 }
 
+fn number<'py>(py: Python<'py>, e: &Number) -> PyResult<Bound<'py, PyDict>> {
+    let one = PyDict::new(py);
+    one.set_item("name", &e.name)?;
+    one.set_item("unit", &e.unit)?;
+    one.set_item("value", e.value)?;
+    one.set_item("ci95", e.ci95)?;
+    Ok(one)
+}
+
 impl Identification {
-    fn learned(&self) -> PyResult<&answer::Identification> {
+    fn learned(&self) -> PyResult<&Learned> {
         self.learned.as_ref().ok_or_else(|| PyAttributeError::new_err("not fitted yet: call fit first"))
     }
 }
@@ -140,64 +185,75 @@ impl Identification {
         find_late_s: Option<f64>,
         derivative: &str,
     ) -> PyResult<Self> {
-        let settings = Settings {
-            method: self::method(method)?,
-            rows: RowOptions { band_hz, derivative: self::derivative(derivative)?, ..RowOptions::default() },
-            held: hold.iter().map(|h| term(h)).collect::<PyResult<Vec<_>>>()?,
-            preprocess: Preprocess {
-                outliers: positive("outliers", outliers)?,
-                rate_hz: positive("rate_hz", rate_hz)?,
-                period_s: positive("period_s", period_s)?,
-                clock: clock(late_s, find_late_s)?,
-            },
-            shapes: if shapes { Shapes::Estimated } else { Shapes::Stated },
-            ..Settings::default()
-        };
-        let description = Arc::clone(robot.get().description());
-        Ok(Self { description, settings, gains, payload, learned: None, beside: Beside::default() })
+        let (method, derivative) = (method.to_string(), derivative.to_string());
+        let asked = Asked { method, band_hz, hold, shapes, gains, payload, outliers, rate_hz, period_s, late_s, find_late_s, derivative };
+        Ok(Self { description: Arc::clone(robot.get().description()), settings: asked.settings()?, asked, learned: None })
     }
 
     /// Learns from a recording or a sequence of them, judges on `holdout` (without it, on every second of ten blocks of each), and
-    /// returns the object itself.
-    #[pyo3(signature = (recordings, *, holdout = None))]
-    fn fit<'py>(slf: Bound<'py, Self>, recordings: &Bound<'_, PyAny>, holdout: Option<&Bound<'_, PyAny>>) -> PyResult<Bound<'py, Self>> {
+    /// returns the object itself. `progress`: called with the share done, 0 to 1, or True for a bar.
+    #[pyo3(signature = (recordings, *, holdout = None, progress = None))]
+    fn fit<'py>(
+        slf: Bound<'py, Self>,
+        recordings: &Bound<'_, PyAny>,
+        holdout: Option<&Bound<'_, PyAny>>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, Self>> {
         let train = signals("recordings", recordings)?;
         let holdout = holdout.map_or(Ok(Vec::new()), |h| signals("holdout", h))?;
-        let (description, settings, gains, link) = {
+        let (description, settings, asked) = {
             let this = slf.borrow();
-            (Arc::clone(&this.description), this.settings.clone(), this.gains, this.payload.clone())
+            (Arc::clone(&this.description), this.settings.clone(), this.asked.clone())
         };
-        let answer = slf.py().detach(|| {
+        let progress = Progress::of(slf.py(), progress, "identifying")?;
+        let answer = long::run(slf.py(), &progress, move |told| {
             let nominal = &description.robot;
             let questions: Vec<Question<'_>> =
-                gains.then_some(Question::Gains).into_iter().chain(link.as_deref().map(Question::Payload)).collect();
-            let beside = Beside::of(nominal, &train, &settings, &questions)?;
+                asked.gains.then_some(Question::Gains).into_iter().chain(asked.payload.as_deref().map(Question::Payload)).collect();
+            let beside = Beside::of(nominal, &train, &settings, &questions).map_err(|e| e.to_string())?;
             let mut simulate = |robot: &effects::Robot, like: &Recording| pkm_sim::rerun([robot, nominal], like).map_err(|e| e.to_string());
-            identify_in_closed_loop(nominal, [&train, &holdout], &settings, &mut simulate, &mut |_| {}).map(|learned| (learned, beside))
-        });
-        let (learned, beside) = answer.map_err(|e| error::value(e.to_string()))?;
-        let mut this = slf.borrow_mut();
-        (this.learned, this.beside) = (Some(learned), beside);
-        drop(this);
+            let found = identify_in_closed_loop(nominal, [&train, &holdout], &settings, &mut simulate, &mut |share| told(share));
+            Learned::of(&description, &found.map_err(|e| e.to_string())?, &beside)
+        })?;
+        slf.borrow_mut().learned = Some(answer.map_err(error::value)?);
         Ok(slf)
+    }
+
+    /// The keywords of the constructor with their values, as a dict.
+    fn get_params<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        self.asked.as_dict(py)
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((Robot,), Bound<'py, PyDict>)> {
+        Ok(((Robot::shared(Arc::clone(&self.description)),), self.asked.as_dict(py)?))
+    }
+
+    fn __getstate__<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyBytes>>> {
+        let bytes = self.learned.as_ref().map(state::to_bytes).transpose()?;
+        Ok(bytes.map(|b| PyBytes::new(py, &b)))
+    }
+
+    fn __setstate__(&mut self, state: &[u8]) -> PyResult<()> {
+        self.learned = Some(state::from_bytes("Identification", state)?);
+        Ok(())
     }
 
     /// `identified`, `doubtful` or `not_identified`.
     #[getter]
-    fn status_(&self) -> PyResult<&'static str> {
-        Ok(status(self.learned()?.status))
+    fn status_(&self) -> PyResult<&str> {
+        Ok(&self.learned()?.status)
     }
 
     /// What speaks against the answer, one sentence each.
     #[getter]
     fn notes_(&self) -> PyResult<Vec<String>> {
-        Ok(sentences(&self.learned()?.notes))
+        Ok(self.learned()?.notes.clone())
     }
 
     /// Names of all parameters, in the order of `theta_`.
     #[getter]
     fn names_(&self) -> PyResult<Vec<String>> {
-        Ok(self.learned()?.columns.list.iter().map(|p| p.name.clone()).collect())
+        Ok(self.learned()?.names.clone())
     }
 
     /// All parameters of the identified robot, SI; read-only.
@@ -209,35 +265,34 @@ impl Identification {
     /// Names of the base parameters, in the order of `theta_base_`.
     #[getter]
     fn names_base_(&self) -> PyResult<Vec<String>> {
-        Ok(self.learned()?.parameters.iter().map(|p| p.name.clone()).collect())
+        Ok(self.learned()?.names_base.clone())
     }
 
     /// Base parameters, SI; read-only.
     #[getter]
     fn theta_base_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let values: Vec<f64> = self.learned()?.parameters.iter().map(|p| p.value).collect();
-        Ok(read_only(py, &values))
+        Ok(read_only(py, &self.learned()?.theta_base))
     }
 
     /// Their covariance, residuals taken as coloured as they are, by the equations of the method.
     #[getter]
     fn covariance_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let c = &self.learned()?.covariance;
-        let values = (0..c.nrows()).flat_map(|i| (0..c.ncols()).map(move |j| c[(i, j)])).collect();
-        matrix(py, values, [c.nrows(), c.ncols()])
+        let learned = self.learned()?;
+        let n = learned.theta_base.len();
+        matrix(py, learned.covariance.clone(), [n, n])
     }
 
     /// 95 % intervals of the base parameters, shape `(n, 2)`; `intervals_` says what they are about.
     #[getter]
     fn ci95_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let all = &self.learned()?.parameters;
-        matrix(py, all.iter().flat_map(|p| p.ci95).collect(), [all.len(), 2])
+        let all = &self.learned()?.ci95;
+        matrix(py, all.iter().flatten().copied().collect(), [all.len(), 2])
     }
 
     /// What the intervals are about, in words.
     #[getter]
-    fn intervals_(&self) -> PyResult<&'static str> {
-        Ok(self.learned()?.intervals.says())
+    fn intervals_(&self) -> PyResult<&str> {
+        Ok(&self.learned()?.intervals)
     }
 
     /// Shapes of friction laws that were estimated: dicts of `name`, `unit`, `stated`, `value`, `ci95` and `is_shown`.
@@ -245,12 +300,8 @@ impl Identification {
     fn shapes_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let out = PyList::empty(py);
         for s in &self.learned()?.shapes {
-            let one = PyDict::new(py);
-            one.set_item("name", &s.name)?;
-            one.set_item("unit", s.unit)?;
+            let one = number(py, &s.number)?;
             one.set_item("stated", s.stated)?;
-            one.set_item("value", s.value)?;
-            one.set_item("ci95", s.ci95)?;
             one.set_item("is_shown", s.is_shown)?;
             out.append(one)?;
         }
@@ -260,25 +311,24 @@ impl Identification {
     /// What was done to the recordings first, one line each.
     #[getter]
     fn preprocessing_(&self) -> PyResult<Vec<String>> {
-        Ok(self.learned()?.preprocessing.iter().map(ToString::to_string).collect())
+        Ok(self.learned()?.preprocessing.clone())
     }
 
     /// Gains of the drives, acting effort over recorded effort: a dict of `status`, `notes` and `drives`, `{joint: {gain, ci95,
     /// load_share}}`; None where they were not asked for.
     #[getter]
     fn gains_<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let _fitted = self.learned()?;
-        let Some(found) = &self.beside.gains else { return Ok(None) };
+        let Some(found) = &self.learned()?.gains else { return Ok(None) };
         let (out, drives) = (PyDict::new(py), PyDict::new(py));
-        for g in &found.gains {
+        for g in &found.drives {
             let one = PyDict::new(py);
             one.set_item("gain", g.gain)?;
             one.set_item("ci95", g.ci95)?;
             one.set_item("load_share", g.load_share)?;
             drives.set_item(&g.joint, one)?;
         }
-        out.set_item("status", status(found.status))?;
-        out.set_item("notes", sentences(&found.notes))?;
+        out.set_item("status", &found.status)?;
+        out.set_item("notes", &found.notes)?;
         out.set_item("drives", drives)?;
         Ok(Some(out))
     }
@@ -287,17 +337,16 @@ impl Identification {
     /// the motion shows of it: dicts of `name`, `unit`, `value`, `ci95`); None where it was not asked for.
     #[getter]
     fn payload_<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let _fitted = self.learned()?;
-        let Some(found) = &self.beside.payload else { return Ok(None) };
+        let Some(found) = &self.learned()?.payload else { return Ok(None) };
         let (out, body) = (PyDict::new(py), PyDict::new(py));
-        for (name, x) in NAMES.iter().zip(found.body.to_vector().iter()) {
+        for (name, x) in NAMES.iter().zip(&found.body) {
             body.set_item(name, x)?;
         }
         out.set_item("link", &found.link)?;
-        out.set_item("status", status(found.status))?;
-        out.set_item("notes", sentences(&found.notes))?;
+        out.set_item("status", &found.status)?;
+        out.set_item("notes", &found.notes)?;
         out.set_item("body", body)?;
-        out.set_item("shown", estimated(py, &found.shown)?)?;
+        out.set_item("shown", numbers(py, &found.shown)?)?;
         Ok(Some(out))
     }
 
@@ -305,7 +354,7 @@ impl Identification {
     #[getter]
     fn heldout_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
-        for JointError { joint, nominal, identified, .. } in &self.learned()?.joints {
+        for (joint, [nominal, identified]) in &self.learned()?.heldout {
             out.set_item(joint, (nominal, identified))?;
         }
         Ok(out)
@@ -314,9 +363,8 @@ impl Identification {
     /// The identified robot.
     #[getter]
     fn robot_(&self) -> PyResult<Robot> {
-        let robot = identified(&self.description, self.learned()?);
-        let [toml, urdf] = robot.texts(&self.description, "identified.urdf").map_err(error::value)?;
-        let description = urdf::parse(&toml, &urdf, ["identified robot.toml", "identified.urdf"]).map_err(|e| error::load(&e))?;
+        let [toml, urdf] = &self.learned()?.robot;
+        let description = urdf::parse(toml, urdf, ["identified robot.toml", "identified.urdf"]).map_err(|e| error::load(&e))?;
         Ok(Robot::new(description))
     }
 
@@ -326,7 +374,7 @@ impl Identification {
         match &self.learned {
             None => format!("<Identification {name}: {method}, not fitted>"),
             Some(a) => {
-                let (before, after) = (a.pooled(|j| j.nominal), a.pooled(|j| j.identified));
+                let [before, after] = a.pooled;
                 format!("<Identification {name}: {method}, held-out error {before:.3} -> {after:.3} of tau rms>")
             }
         }

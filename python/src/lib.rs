@@ -13,12 +13,17 @@ mod error;
 mod evidence;
 mod excitation;
 mod identification;
+mod learned;
+mod long;
 mod mechanics;
 mod motion;
 mod mu;
 mod recording;
+mod reproduction;
 mod robots;
 mod simulation;
+mod state;
+mod units;
 mod workspace;
 
 use pyo3::prelude::*;
@@ -40,6 +45,8 @@ mod _pkm {
     use super::mu::{Mu, mu};
     #[pymodule_export]
     use super::recording::{Recording, read, write};
+    #[pymodule_export]
+    use super::reproduction::{papers, reproduce};
     #[pymodule_export]
     use super::robots::{load_shipped, shipped_names};
     #[pymodule_export]

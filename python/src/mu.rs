@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyComplex, PyDict, PyTuple};
 
 use crate::array::ArrayLike;
-use crate::error;
+use crate::{error, long};
 
 type ComplexLike<'py> = PyArrayLikeDyn<'py, numpy::Complex64, AllowTypeChange>;
 
@@ -112,7 +112,8 @@ pub(crate) fn mu(
         let system = state_space(parts, dt)?;
         let range = frequencies.unwrap_or((0.0, system.nyquist()));
         let settings = Settings { slack: slack.unwrap_or(Settings::default().slack), ..Settings::default() };
-        let found = py.detach(|| sweep(&system, &structure, [range.0, range.1], &settings)).map_err(|e| error::value(e.to_string()))?;
+        let found =
+            long::apart(py, move || sweep(&system, &structure, [range.0, range.1], &settings))?.map_err(|e| error::value(e.to_string()))?;
         let guaranteed = if let Guarantee::Interval([low, high]) = found.guarantee { Some((low, high)) } else { None };
         let LowerBound { beta, perturbation, w } = found.worst;
         let worst = perturbation.map(|p| p.blocks);

@@ -8,9 +8,10 @@ use pkm_ident::{EffortKind, KnownLoad, Meta, Recording as Signals};
 use pkm_record::{Attachments, ReadOptions};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 
 use crate::array::{ArrayLike, read_only, vector};
+use crate::dynamics::Robot;
 use crate::error;
 
 /// One recording: equally long named signals over one time axis. It never changes.
@@ -113,6 +114,41 @@ impl Recording {
     /// Number of samples.
     fn __len__(&self) -> usize {
         self.signals.len()
+    }
+
+    /// A `pandas.DataFrame` with a column per signal over `time`; units in `attrs`, those of joints with the `robot`. Needs pandas.
+    #[pyo3(signature = (robot = None))]
+    fn to_pandas<'py>(slf: &Bound<'py, Self>, robot: Option<&Bound<'py, Robot>>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("pkm.tables")?.call_method1("to_pandas", (slf, robot))
+    }
+
+    /// An `xarray.Dataset` with a variable per signal over `time`; units in `attrs`, those of joints with the `robot`. Needs xarray.
+    #[pyo3(signature = (robot = None))]
+    fn to_xarray<'py>(slf: &Bound<'py, Self>, robot: Option<&Bound<'py, Robot>>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("pkm.tables")?.call_method1("to_xarray", (slf, robot))
+    }
+
+    /// From a `pandas.DataFrame`: its index, or its column `t` or `time`, is time `[s]`, every other column a signal.
+    #[staticmethod]
+    fn from_pandas<'py>(py: Python<'py>, frame: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        py.import("pkm.tables")?.call_method1("from_pandas", (frame,))
+    }
+
+    /// From an `xarray.Dataset`: its coordinate `time` is time `[s]`, every variable over it alone a signal.
+    #[staticmethod]
+    fn from_xarray<'py>(py: Python<'py>, dataset: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        py.import("pkm.tables")?.call_method1("from_xarray", (dataset,))
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        let signals = PyDict::new(py);
+        for (name, values) in &self.signals.signals {
+            signals.set_item(name, read_only(py, values))?;
+        }
+        let keywords = PyDict::new(py);
+        keywords.set_item("name", &self.signals.name)?;
+        keywords.set_item("meta", meta_as_dict(py, &self.signals.meta)?)?;
+        Ok(((read_only(py, &self.signals.time), signals).into_pyobject(py)?, keywords))
     }
 
     fn __repr__(&self) -> String {

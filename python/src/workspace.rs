@@ -11,8 +11,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 use crate::array::{ArrayLike, Motion, matrix, vector};
-use crate::error;
 use crate::motion::along_positions;
+use crate::{error, long};
 
 /// The output of that name, or the one that stands out.
 fn output(model: &Model, link: Option<&str>) -> PyResult<Output> {
@@ -128,7 +128,7 @@ pub(crate) fn workspace<'py>(
         at[axes.len() + i] = *value;
     }
     let shape: Vec<usize> = axes.iter().map(|(_, values)| values.len()).collect();
-    let slices = py.detach(|| scan(&mut scanner, &axes, &at));
+    let slices = long::here(py, |tick| scan(&mut scanner, &axes, &at, tick))?;
     let out = as_dict(py, &slices, &shape)?;
     let at_home: BTreeMap<String, f64> =
         coordinates.iter().map(|&c| coordinate_name(model, c)).zip(scanner.home_values().iter().copied()).collect();
@@ -136,14 +136,14 @@ pub(crate) fn workspace<'py>(
     Ok(out)
 }
 
-fn scan(scanner: &mut Scanner<'_>, axes: &[(String, Vec<f64>)], at: &[f64]) -> Vec<Slice> {
+fn scan(scanner: &mut Scanner<'_>, axes: &[(String, Vec<f64>)], at: &[f64], tick: &mut dyn FnMut()) -> Vec<Slice> {
     let axis = |index: usize| axes.get(index).map(|(_, values)| Axis { index, values: values.clone() });
     let (Some(columns), rows, stack) = (axis(0), axis(1), axis(2)) else { return Vec::new() };
-    let Some(stack) = stack else { return vec![scanner.slice(&columns, rows.as_ref(), at, &mut || ())] };
+    let Some(stack) = stack else { return vec![scanner.slice(&columns, rows.as_ref(), at, tick)] };
     let mut at = at.to_vec();
     let mut one = |value: f64| {
         at[stack.index] = value;
-        scanner.slice(&columns, rows.as_ref(), &at, &mut || ())
+        scanner.slice(&columns, rows.as_ref(), &at, tick)
     };
     stack.values.iter().map(|&value| one(value)).collect()
 }

@@ -88,19 +88,3 @@ def test_what_progress_raises_comes_back(hidden):
 
     with pytest.raises(RuntimeError, match="enough"):
         pkm.diagnose(robot, recording, progress=interrupt)
-
-
-def test_pictures(hidden, tmp_path):
-    matplotlib = pytest.importorskip("matplotlib", reason="the package matplotlib is not installed")
-    matplotlib.use("Agg")
-    robot, _, report, _ = hidden
-    drawn = [pkm.plot.joint(report, name) for name in robot.actuators]
-    drawn += [pkm.plot.finding(report, f["rank"]) for f in report.evidence["findings"]]
-    drawn.append(pkm.plot.chain(report))
-    for i, ax in enumerate(drawn):
-        assert ax.has_data() and ax.get_xlabel()
-        ax.figure.savefig(tmp_path / f"{i}.png")
-    with pytest.raises(ValueError, match="no joint 'q99'"):
-        pkm.plot.joint(report, "q99")
-    with pytest.raises(ValueError, match="rank 99"):
-        pkm.plot.finding(report, 99)

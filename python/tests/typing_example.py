@@ -5,7 +5,8 @@ from typing import assert_type
 
 import numpy
 import pkm
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from pkm import fleet
 
 robot = pkm.robots.load(pkm.robots.names()[0])
 assert_type(robot, pkm.Robot)
@@ -48,3 +49,32 @@ assert_type(report.refined_robot(), pkm.Robot)
 pkm.plot.joint(report, "q1").set_title("q1")
 pkm.plot.finding(report, 1)
 pkm.plot.chain(report)
+pkm.plot.residual(report, "q1", recording="first")
+pkm.plot.regimes(report, which="after")
+pkm.plot.dependence(report, "q1", "temp.q1")
+pkm.plot.isolability(report, effects=["payload"])
+pkm.plot.friction({"as given": robot, "refined": better}, "q1", recording=recording, speed=0.1)
+axes: dict[str, ArrayLike] = {"x": numpy.linspace(0.0, 1.0, 5), "y": [0.0, 0.5]}
+pkm.plot.workspace(robot.workspace(axes), axes, which="serial")
+pkm.plot.mu(pkm.mu(numpy.eye(2), [{"kind": "full", "rows": 2, "cols": 2}]))
+top, bottom = pkm.plot.bode({"one": (numpy.ones(3), numpy.ones(3) + 0j)})
+pkm.plot.tracking(recording, "q.q1", "q_ref.q1", unit="m", ax=bottom)
+pkm.plot.detection(pkm.prove.results("proof/results.json"))
+
+effort: NDArray[numpy.float64] = robot.joint_effort("q1", [0.1, 0.2], q=0.1, load=3.0)
+unit: str | None = robot.unit("tau.q1")
+assert_type(pkm.Robot.from_texts(*robot.texts()), pkm.Robot)
+estimate.fit(recording, progress=True).get_params()
+followed = pkm.simulate(robot, robot, reference=recording, progress=lambda share: None)
+assert_type(pkm.Recording.from_pandas(followed.to_pandas(robot)), pkm.Recording)
+assert_type(pkm.Recording.from_xarray(followed.to_xarray()), pkm.Recording)
+rows = pkm.reproduce(pkm.papers()[0])["rows"]
+misses: list[str] = [row["what"] for row in rows if row["verdict"] == "MISSED"]
+marks: list[pkm.prove.Marks] = pkm.prove.trials("proof", cases=3, seed=2, levels=["L1"])
+alarms: float = pkm.prove.count(marks)["false_alarms"].share
+
+work = fleet.find("memory://robots")
+assert_type(work, list[fleet.Task])
+verdicts = fleet.diagnose([*work, fleet.Task(robot, (recording,), unit="one")], "t.parquet", settings={"band_hz": 8.0}, workers=2)
+changes = fleet.compare(verdicts, "one", since="2026-03-01")
+moved: list[str] = changes[changes["what"] == "moved"]["quantity"].tolist()

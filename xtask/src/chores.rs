@@ -9,28 +9,44 @@ use crate::{guide, python};
 /// Version of Pinocchio the golden files are made with, and the one that is measured against.
 pub(crate) const PINOCCHIO: &str = "pin==4.1.0";
 
-/// Runs the cross-crate tests with many seeds, or those of the files named (`daemon`: processes of the binary); they read `PKM_LONG`, and write tables into the folder `PKM_RESULTS`, each under the
-/// commit in `PKM_COMMIT`.
+/// Name of the notebooks among the files of `long`.
+const NOTEBOOKS: &str = "notebooks";
+
+/// Name of the tests of the binary's processes among them.
+const DAEMON: &str = "daemon";
+
+/// Runs the cross-crate tests with many seeds, or those of the files named; they read `PKM_LONG`, and write tables into the folder
+/// `PKM_RESULTS`, each under the commit in `PKM_COMMIT`.
+///
+/// `notebooks` among the names are those of python/notebooks/; without names they run as well.
 pub(crate) fn long(only: &[&str]) -> Result<(), String> {
+    let files: Vec<&str> = only.iter().copied().filter(|name| *name != NOTEBOOKS).collect();
+    if files.len() < only.len() {
+        python::notebooks()?;
+        if files.is_empty() {
+            return Ok(());
+        }
+    }
     let results = root().join("docs/results");
     fs::create_dir_all(&results).map_err(|e| format!("{}: {e}", results.display()))?;
     let commit = commit();
     println!("   commit {commit}, tables go to docs/results/");
     let mut command = cargo("test --release --locked -p pkm-tests --no-fail-fast");
-    let of_tests: Vec<&&str> = only.iter().filter(|name| **name != "daemon").collect();
+    let of_tests: Vec<&&str> = files.iter().filter(|name| **name != DAEMON).collect();
     of_tests.iter().for_each(|name| {
         command.args(["--test", name]);
     });
     if only.is_empty() || !of_tests.is_empty() {
         run(command.env("PKM_LONG", "1").env("PKM_RESULTS", &results).env("PKM_COMMIT", &commit))?;
     }
-    if only.is_empty() || only.contains(&"daemon") {
+    if only.is_empty() || files.contains(&DAEMON) {
         // Two hundred killed starts, a hundred armings, ten minutes at 1 kHz.
         run(cargo("test --release --locked -p pkm --test daemon").env("PKM_LONG", "1"))?;
     }
     if !only.is_empty() {
         return Ok(());
     }
+    python::notebooks()?;
     guide::run_commands(&[])?;
     prove(&results, &commit)
 }

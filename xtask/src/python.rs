@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::prerequisites::PYTHON_PROGRAM;
-use crate::shell::{answer, program, root, run, target};
+use crate::shell::{answer, cargo, program, root, run, target};
 
 /// The build tool of the wheel.
 const MATURIN: &str = "maturin>=1.9,<2";
@@ -61,12 +61,28 @@ fn wheels_in(folder: &Path) -> Vec<PathBuf> {
     entries.filter(|p| p.extension().is_some_and(|e| e == "whl")).collect()
 }
 
-/// Builds the wheel in the profile of the tests, installs it, runs its tests.
-pub(crate) fn check() -> Result<(), String> {
+/// Builds the wheel, installs it with what its tests need.
+fn installed(options: &[&str]) -> Result<PathBuf, String> {
     let programs = environment()?;
-    // The dev profile shares its compiled dependencies with the other tests; auditwheel is for wheels that travel.
-    let wheel = build(&programs, &["--profile", "dev", "--auditwheel", "skip"])?.display().to_string();
+    let wheel = build(&programs, options)?.display().to_string();
     install(&programs, &["--force-reinstall", "--no-deps", &wheel])?;
     install(&programs, &[&format!("{wheel}[test]"), "pytest", "numpy"])?;
-    python(&programs, &["-m", "pytest", "-q", "python/tests"])
+    Ok(programs)
+}
+
+/// Builds the wheel in the profile of the tests, installs it, runs its tests.
+pub(crate) fn check() -> Result<(), String> {
+    // The dev profile shares its compiled dependencies with the other tests; auditwheel is for wheels that travel.
+    let programs = installed(&["--profile", "dev", "--auditwheel", "skip"])?;
+    // What the wheel runs as a program of its own: the one that the other tests have built.
+    run(&mut cargo("build --workspace --exclude pkm-python --exclude pkm-benches --features pkm-sim/rapier --locked --bin pkm"))?;
+    let mut tests = program(programs.join(name("python")), &["-m", "pytest", "-q", "python/tests"]);
+    run(tests.env("PKM_PROGRAM", target().join("debug").join(name("pkm"))))
+}
+
+/// Runs the notebooks, each from a clean kernel, with the optimised wheel; with their outputs they go into target/notebooks/.
+pub(crate) fn notebooks() -> Result<(), String> {
+    let programs = installed(&["--release", "--auditwheel", "skip"])?;
+    let out = target().join("notebooks");
+    python(&programs, &["python/notebooks/execute.py", "--out", &out.display().to_string()])
 }

@@ -3,12 +3,13 @@
 use pkm_dyn::Model;
 use pkm_dyn::effects::Applied;
 use pkm_dyn::urdf::{Description, refined_toml, refined_urdf};
+use serde::{Deserialize, Serialize};
 
 pub use crate::verdict::Screened;
 use crate::verdict::Verdict;
 
 /// One actuated joint over one recording.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct JointSeries {
     /// Joint name.
     pub joint: String,
@@ -33,7 +34,7 @@ pub struct JointSeries {
 }
 
 /// A finding as a picture: what the model lacks without it, against the variable that explains it.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct FindingPlot {
     /// Rank of the finding.
     pub rank: usize,
@@ -52,7 +53,7 @@ pub struct FindingPlot {
 }
 
 /// Squared error of one joint in one regime, before and after.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RegimeCell {
     /// Joint name.
     pub joint: String,
@@ -67,7 +68,7 @@ pub struct RegimeCell {
 }
 
 /// One step of the chain from the model as given to the refined one.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct ChainStep {
     /// What was added.
     pub label: String,
@@ -76,7 +77,7 @@ pub struct ChainStep {
 }
 
 /// A leftover against one signal: partial dependence in stretches of equally many rows.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Dependence {
     /// The drive.
     pub joint: String,
@@ -93,7 +94,7 @@ pub struct Dependence {
 }
 
 /// A leftover's amplitude over frequency or order.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Lines {
     /// The drive.
     pub joint: String,
@@ -108,7 +109,7 @@ pub struct Lines {
 }
 
 /// Effort of one drive in a replay, thinned for drawing.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct ReplaySeries {
     /// The recording.
     pub recording: String,
@@ -125,7 +126,7 @@ pub struct ReplaySeries {
 }
 
 /// Everything a report shows besides the verdict.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
     /// Joints × recordings.
     pub joints: Vec<JointSeries>,

@@ -1,0 +1,275 @@
+"""A fleet on a cluster: the table is that of one process, whatever happens to workers, files and runs on the way."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pkm
+import pytest
+from fleets import fleet_folder, record, robot_folder
+
+for needed in ("dask", "distributed", "fsspec", "pandas", "pyarrow", "scipy"):
+    pytest.importorskip(needed, reason=f"the package {needed} is not installed")
+
+import distributed
+import fsspec
+from pkm import fleet
+
+# What a row says, as opposed to when and where it was made.
+ANSWERS = [name for name in fleet._table.schema().names if name not in fleet.CIRCUMSTANCES]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return fleet_folder(tmp_path_factory.mktemp("fleet"))
+
+
+@pytest.fixture(scope="module")
+def alone(folder, tmp_path_factory):
+    """The table of one process without a cluster."""
+    return fleet.diagnose(fleet.find(str(folder)), str(tmp_path_factory.mktemp("alone") / "verdicts.parquet"), workers=0)
+
+
+@pytest.fixture(scope="module")
+def identified(folder, tmp_path_factory):
+    """The same of identifications."""
+    return fleet.identify(fleet.find(str(folder)), str(tmp_path_factory.mktemp("alone") / "parameters.parquet"), workers=0)
+
+
+def same(rows, others):
+    """Whether two tables say the same, to the bit."""
+    left, right = (json.loads(r[ANSWERS].to_json(orient="records", double_precision=15)) for r in (rows, others))
+    assert left == right
+
+
+def test_a_folder_is_found_as_tasks(folder):
+    tasks = fleet.find(str(folder))
+    assert [(t.unit, t.taken) for t in tasks] == [
+        ("robot3", "2026-02-16"),
+        ("robot7", "2026-02-17"),
+        ("robot7", "2026-03-03"),
+        ("robot9", "2026-03-04"),
+        ("robot9", "2026-03-05"),
+    ]
+    assert tasks[0].robot == str(folder / "robot3" / "robot.toml")
+    assert tasks[0].recordings == (str(folder / "robot3" / "2026-02-16" / "A.csv"),)
+    assert tasks[0].holdout == (str(folder / "robot3" / "2026-02-16" / "holdout.csv"),)
+
+
+def test_recordings_without_a_robot_are_refused(tmp_path):
+    record(tmp_path / "lost" / "2026-01-01", 0.0, 1, duration_s=0.5)
+    with pytest.raises(ValueError, match=r"lost/2026-01-01: recordings, but no robot.toml"):
+        fleet.find(str(tmp_path))
+    robot = robot_folder(tmp_path / "other", "robot1")
+    record(robot, 0.0, 1, names=("holdout",), duration_s=0.5)
+    with pytest.raises(ValueError, match="none to learn from"):
+        fleet.find(str(tmp_path / "other"))
+    with pytest.raises(ValueError, match="sequence of one or more"):
+        fleet.Task("robot.toml", "A.csv")
+
+
+def test_a_row_is_the_verdict_of_its_recordings(folder, alone):
+    row = alone[(alone["unit"] == "robot7") & (alone["taken"] == "2026-03-03")].iloc[0]
+    day = folder / "robot7" / "2026-03-03"
+    robot = pkm.load(folder / "robot7" / "robot.toml")
+    report = pkm.diagnose(robot, pkm.read(day / "A.csv"), holdout=pkm.read(day / "holdout.csv"))
+    assert json.loads(row["answer"]) == report.verdict
+    assert row["rms_final"] == report.verdict["heldout"]["rms_final"]
+    assert list(row["findings"]) == ["friction_coulomb@shoulder_left"]
+    [quantity] = row["quantities"]
+    assert (quantity["name"], quantity["unit"]) == ("friction_coulomb@shoulder_left.coulomb", "N·m")
+    assert quantity["lower"] < quantity["value"] < quantity["upper"]
+
+
+def test_a_row_says_where_it_comes_from(folder, alone):
+    row = alone.iloc[0]
+    path = folder / "robot3" / "2026-02-16" / "A.csv"
+    told = subprocess.run(["sha256sum", path], capture_output=True, text=True, check=False)
+    if told.returncode == 0:
+        assert row["recordings_sha256"][0] == told.stdout.split()[0]
+    assert row["recordings"][0] == str(path) and len(row["robot_sha256"]) == 64
+    assert row["pkm_version"] == pkm.__version__ and row["settings"] == "{}" and row["kind"] == "diagnose"
+    age = (fleet._compare.need("pandas").Timestamp.now(tz="UTC") - row["finished"]).total_seconds()
+    assert 0 <= age < 3600 and row["seconds"] > 0
+    # The three robots have the same files.
+    assert alone["robot_sha256"].nunique() == 1 and alone["key"].nunique() == len(alone) == 5
+
+
+def test_a_damaged_recording_is_a_row_with_an_error(folder, alone):
+    bad = alone[alone["status"] == "error"]
+    assert list(bad["taken"]) == ["2026-03-05"]
+    with pytest.raises(ValueError) as error:
+        pkm.read(folder / "robot9" / "2026-03-05" / "A.csv")
+    assert bad.iloc[0]["error"] == str(error.value) and "line 301" in bad.iloc[0]["error"]
+    assert (alone["status"] != "error").sum() == 4
+
+
+def kill_a_busy_worker(client, killed, stop):
+    """Kills the first worker process that has a task, without a word."""
+    pids = client.run(os.getpid)
+    while not stop.is_set():
+        busy = [worker for worker, keys in client.processing().items() if keys and worker in pids]
+        if busy:
+            time.sleep(0.3)
+            os.kill(pids[busy[0]], signal.SIGKILL)
+            killed.append(pids[busy[0]])
+            return
+        time.sleep(0.02)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is of POSIX")
+def test_killed_workers_change_nothing(folder, alone, tmp_path):
+    killed, stop = [], threading.Event()
+    environment = {"RAYON_NUM_THREADS": "1"}
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, env=environment) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        before = set(client.run(os.getpid).values())
+        killer = threading.Thread(target=kill_a_busy_worker, args=(client, killed, stop))
+        killer.start()
+        rows = fleet.diagnose(fleet.find(str(folder)), str(tmp_path / "verdicts.parquet"), scheduler=client)
+        stop.set()
+        killer.join()
+        after = set(client.run(os.getpid).values())
+    assert killed and killed[0] in before and killed[0] not in after
+    same(rows, alone)
+    same(fleet.read(str(tmp_path / "verdicts.parquet")), alone)
+    assert not (tmp_path / "verdicts.parquet.parts").exists()
+
+
+def doomed(*_):
+    """A task that takes its worker with it."""
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is of POSIX")
+def test_a_task_that_kills_every_worker_is_given_up(folder, tmp_path, monkeypatch):
+    task = fleet.find(str(folder))[0]
+    monkeypatch.setattr(fleet._run, "done", doomed)
+    rows = fleet.identify([task], str(tmp_path / "t.parquet"), workers=1, retries=0)
+    [row] = rows.to_dict("records")
+    assert row["status"] == "lost" and "worker was lost" in row["error"]
+    monkeypatch.undo()
+    # What was given up is tried again, and its row makes room.
+    rows = fleet.identify([task], str(tmp_path / "t.parquet"), workers=0)
+    assert list(rows["status"]) == ["identified"]
+
+
+def test_a_second_run_does_what_is_new(folder, tmp_path):
+    root, table = tmp_path / "fleet", str(tmp_path / "t.parquet")
+    robot = robot_folder(root, "robot1")
+    for k in range(3):
+        record(robot / f"2026-01-0{k + 1}", 0.1, k)
+    first = fleet.identify(fleet.find(str(root)), table, workers=0)
+    again = fleet.identify(fleet.find(str(root)), table, workers=0)
+    assert len(first) == 3 and first["finished"].equals(again["finished"])
+    record(robot / "2026-01-04", 0.2, 9)
+    third = fleet.identify(fleet.find(str(root)), table, workers=0)
+    assert len(third) == 4 and list(third["finished"][:3]) == list(first["finished"])
+    # The same bytes elsewhere are the same work; with other settings, or for another robot, they are not.
+    moved = robot.rename(root / "robot1 moved")
+    tasks = [fleet.Task(t.robot, t.recordings, t.holdout, unit="robot1", taken=t.taken) for t in fleet.find(str(root))]
+    assert fleet.identify(tasks, table, workers=0)["finished"].equals(third["finished"])
+    moved.rename(robot)
+    fourth = fleet.identify(fleet.find(str(root))[:1], table, workers=0, settings={"method": "wls"})
+    assert len(fourth) == 5 and set(fourth["settings"]) == {"{}", '{"method": "wls"}'}
+    record(robot / "2026-01-01", 0.5, 9)
+    fifth = fleet.identify(fleet.find(str(root))[:1], table, workers=0)
+    assert len(fifth) == 6
+
+
+def test_a_run_that_was_stopped_goes_on(folder, identified, tmp_path):
+    table = str(tmp_path / "t.parquet")
+
+    def stop(share):
+        if share > 0.3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fleet.identify(fleet.find(str(folder)), table, workers=0, progress=stop)
+    kept = fleet.read(table)
+    assert len(kept) == 2
+    shares = []
+    rows = fleet.identify(fleet.find(str(folder)), table, workers=0, progress=shares.append)
+    same(rows, identified)
+    assert shares == [pytest.approx((k + 1) / 5) for k in range(5)]
+    merged = rows.merge(kept, on="key", suffixes=("", "_kept"))
+    assert len(merged) == 2 and (merged["finished"] == merged["finished_kept"]).all()
+
+
+def test_files_may_lie_anywhere(folder, identified):
+    memory = fsspec.filesystem("memory")
+    memory.put(str(folder / "robot7"), "/fleet/robot7", recursive=True)
+    try:
+        tasks = fleet.find("memory://fleet")
+        assert tasks[0].recordings == ("memory:///fleet/robot7/2026-02-17/A.csv",)
+        rows = fleet.identify(tasks, "memory://out/verdicts.parquet", workers=2)
+        assert memory.exists("/out/verdicts.parquet") and not memory.exists("/out/verdicts.parquet.parts")
+        ours = identified[identified["unit"] == "robot7"]
+        columns = ["taken", "status", "rms_nominal", "rms_final", "recordings_sha256", "robot_sha256"]
+        assert rows[columns].to_json() == ours[columns].reset_index(drop=True).to_json()
+    finally:
+        memory.rm("/", recursive=True)
+
+
+def test_robots_and_recordings_may_be_objects(folder, tmp_path):
+    robot = pkm.robots.load("five_bar").with_effect("friction_viscous", "shoulder_left", viscous=0.05)
+    day = folder / "robot7" / "2026-03-03"
+    task = fleet.Task(robot, [pkm.read(day / "A.csv")], [pkm.read(day / "holdout.csv")], unit="bench", taken="2026-03-03")
+    [row] = fleet.identify([task], str(tmp_path / "t.parquet"), workers=1).to_dict("records")
+    expected = pkm.Identification(robot).fit(pkm.read(day / "A.csv"), holdout=pkm.read(day / "holdout.csv"))
+    assert [q["name"] for q in row["quantities"]] == expected.names_base_
+    assert [q["value"] for q in row["quantities"]] == expected.theta_base_.tolist()
+    assert pkm.Robot.from_texts(*json.loads(row["answer"]).values()).parameters().tolist() == expected.robot_.parameters().tolist()
+
+
+def test_a_file_that_is_not_there_is_tried_again(folder, tmp_path):
+    task = fleet.find(str(folder))[0]
+    later = tmp_path / "later.csv"
+    waiting = fleet.Task(task.robot, [str(later)], task.holdout, unit="robot3", taken=task.taken)
+    rows = fleet.identify([waiting, task], str(tmp_path / "t.parquet"), workers=1, retries=1)
+    assert sorted(rows["status"]) == ["identified", "lost"]
+    assert "later.csv" in rows[rows["status"] == "lost"].iloc[0]["error"]
+    later.write_bytes((folder / "robot7" / "2026-02-17" / "A.csv").read_bytes())
+    rows = fleet.identify([waiting, task], str(tmp_path / "t.parquet"), workers=1)
+    assert list(rows["status"]) == ["identified", "identified"]
+
+
+def test_bad_requests_are_refused(folder, tmp_path):
+    tasks = fleet.find(str(folder))[:1]
+    (tmp_path / "t.parquet").write_text("no table", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"t.parquet: not a table of pkm.fleet") as error:
+        fleet.identify(tasks, str(tmp_path / "t.parquet"), workers=0)
+    assert "\n" not in str(error.value)
+    with pytest.raises(ValueError, match="cannot both be given"):
+        fleet.identify(tasks, str(tmp_path / "u.parquet"), workers=1, scheduler="tcp://127.0.0.1:1")
+    with pytest.raises(ValueError, match="retries = -1"):
+        fleet.identify(tasks, str(tmp_path / "u.parquet"), retries=-1)
+    with pytest.raises(FileNotFoundError, match="no such table"):
+        fleet.read(str(tmp_path / "none.parquet"))
+    rows = fleet.identify(tasks, str(tmp_path / "u.parquet"), workers=0, settings={"colour": 1})
+    assert rows.iloc[0]["status"] == "error" and "colour" in rows.iloc[0]["error"]
+
+
+def shell(*arguments):
+    return subprocess.run([sys.executable, "-m", "pkm.fleet", *map(str, arguments)], capture_output=True, text=True, check=False)
+
+
+def test_the_command_line(folder, tmp_path):
+    told = shell("--help")
+    assert told.returncode == 0 and "--scheduler" in shell("diagnose", "--help").stdout and "examples:" in told.stdout
+    table = tmp_path / "t.parquet"
+    done = shell("identify", folder, "--table", table, "--workers", 1, "--settings", '{"method": "wls"}')
+    # One recording is damaged: that is told, and is no reason to stop.
+    assert done.returncode == 1, done.stderr
+    assert [line.split()[:3] for line in done.stdout.splitlines()][-1] == ["robot9", "2026-03-05", "error"]
+    compared = shell("compare", table, "robot7", "--since", "2026-03-01")
+    assert compared.returncode == 0 and "moved" in compared.stdout and "shoulder_left.coulomb" in compared.stdout
+    for wrong in (["compare", table, "robot1", "--since", "2026-03-01"], ["identify", tmp_path / "none", "--table", table]):
+        refused = shell(*wrong)
+        assert refused.returncode == 2 and refused.stderr.startswith("error: ") and len(refused.stderr.splitlines()) == 1
