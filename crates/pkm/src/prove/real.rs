@@ -27,18 +27,22 @@ pub(super) fn run(data: &Path, to: &Path, (timeout, stop): (f64, &AtomicBool), q
     for (i, real) in list.iter().enumerate() {
         let Some(outcome) = one(real, &data.join(&real.folder), to, (&engine, (timeout, stop)))? else { return Ok(false) };
         outcomes.push(outcome);
+        // After every robot: a run that is stopped has told what it knew.
+        save(&outcomes, to)?;
         progress.update((i + 1) as f64 / list.len() as f64);
     }
     drop(progress);
-    let text = table(&outcomes);
+    if !quiet {
+        out::say(&out::clean(table(&outcomes).trim_end()))?;
+    }
+    Ok(true)
+}
+
+fn save(outcomes: &[Outcome], to: &Path) -> anyhow::Result<()> {
     fs::create_dir_all(to).with_context(|| to.display().to_string())?;
     let results = json!({"schema": "pkm.proof_real/1", "pkm": env!("CARGO_PKG_VERSION"), "robots": outcomes});
     write(&to.join("real.json"), &(serde_json::to_string_pretty(&results)? + "\n"))?;
-    write(&to.join("real.md"), &text)?;
-    if !quiet {
-        out::say(&out::clean(text.trim_end()))?;
-    }
-    Ok(true)
+    write(&to.join("real.md"), &table(outcomes))
 }
 
 /// All recordings of a robot, then each half of those to learn from.
