@@ -64,6 +64,7 @@ fn recorded(name: &str) -> Vec<u8> {
 fn step() -> Control<'static> {
     Control {
         is_first: true,
+        is_other_law: false,
         is_faulted: false,
         dt: 0.01,
         q_meas: &[1.0, 2.0],

@@ -337,6 +337,7 @@ impl Reader<'_> {
         Ok(Limits {
             period_ns: nanoseconds(period),
             gate,
+            contact: self.contact()?,
             following: self.each("limits.following", l.following.as_ref(), |k| 0.05 * self.travel(k), wide)?,
             speed: self.each("limits.move_speed", l.move_speed.as_ref(), own_speed, [f64::MIN_POSITIVE, 1e6])?,
             home,
@@ -380,6 +381,19 @@ impl Reader<'_> {
             return Err(self.config.error(0, format!("{key} is missing (safe.kind damps with it)")));
         }
         Ok(action)
+    }
+
+    /// Largest force and moment of the environment; what nobody measures cannot be limited.
+    fn contact(&self) -> Result<[f64; 2], ConfigError> {
+        let (l, is_measured) = (&self.config.layout.limits, self.config.layout.hal.wrench.is_some());
+        let one = |key: &str, stated: Option<&toml::Spanned<f64>>, unit: &str| {
+            if let Some(stated) = stated.filter(|_| !is_measured) {
+                let problem = format!("{key} = {}: no wrench is measured (hal.wrench names the sensor)", stated.get_ref());
+                return Err(self.config.error(stated.span().start, problem));
+            }
+            self.number(key, stated, f64::INFINITY, [f64::MIN_POSITIVE, f64::INFINITY], unit)
+        };
+        Ok([one("limits.force", l.force.as_ref(), "N")?, one("limits.moment", l.moment.as_ref(), "N·m")?])
     }
 
     fn wrench(&self) -> Result<Option<usize>, ConfigError> {

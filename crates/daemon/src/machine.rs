@@ -31,6 +31,8 @@ pub struct Limits {
     pub period_ns: u64,
     /// What is believed of states.
     pub gate: GateLimits,
+    /// Largest force `[N]` and moment `[N·m]` of the environment while anything moves; ∞ where there is no limit.
+    pub contact: [f64; 2],
     /// How far a drive may be from its reference `[m | rad]`.
     pub following: [f64; MAX_AXES],
     /// Speeds of moves to a pose `[m/s | rad/s]`.
@@ -292,7 +294,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
             Some(state) if self.record.flags & flags::NEW_STATE != 0 => self.session.offence(state, self.limits.patience),
             _ => None,
         };
-        let bad = self.gate.offence(now_ns).or_else(|| self.missing_wrench());
+        let bad = self.gate.offence(now_ns).or_else(|| self.missing_wrench()).or_else(|| self.excess_wrench());
         match self.phase {
             Phase::Off if bad.is_none() => self.go(Phase::Ready, Offence::of(Cause::RobotThere, 0.0, 0.0), now_ns),
             Phase::Off | Phase::Fault => {}
@@ -322,6 +324,17 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
     fn missing_wrench(&self) -> Option<Offence> {
         let place = self.wrench_gap.filter(|_| matches!(self.phase, Phase::Force | Phase::Exercise))?;
         Some(Offence { cause: Cause::NotMeasured, place, value: 0.0, limit: 0.0 })
+    }
+
+    /// A push of the environment that is harder than anybody may be pushed back.
+    fn excess_wrench(&self) -> Option<Offence> {
+        if !self.phase.is_moving() {
+            return None;
+        }
+        let [force, moment] = [0, 3].map(|from| self.wrench[from..from + 3].iter().map(|x| x * x).sum::<f64>().sqrt());
+        let is_over = |(value, limit): &(f64, f64)| value > limit;
+        let place = [(force, self.limits.contact[0]), (moment, self.limits.contact[1])].iter().position(is_over)?;
+        Some(Offence { cause: Cause::Wrench, place, value: [force, moment][place], limit: self.limits.contact[place] })
     }
 
     /// What the loop's own time says.
@@ -422,44 +435,57 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
         let q_ref = self.wanted.q;
         self.weigher.weigh(&q_ref[..self.n], &mut weight).map_err(|gap| Offence::of(Cause::Model, gap, 0.0))?;
         self.record.tau_ff = weight;
-        let n = self.n;
-        let Some(controller) = &mut self.controller else { return Err(Offence::of(Cause::Internal, 0.0, 0.0)) };
-        let mut tau_meas = [0.0; MAX_AXES];
-        for (k, tau) in tau_meas.iter_mut().enumerate().take(n) {
-            *tau = self.record.state.measured(Signal::Effort, k).unwrap_or(0.0);
-        }
-        let signals = Signals {
-            dt,
-            q_meas: self.gate.q(),
-            tau_meas: &tau_meas[..n],
-            wrench_meas: self.wrench,
-            q_ref: &self.wanted.q[..n],
-            v_ref: &self.wanted.v[..n],
-            a_ref: &self.wanted.a[..n],
-            wrench_ref: [0.0; 6],
-            tau_ff: &weight[..n],
-        };
-        let mut tau = [0.0; MAX_AXES];
-        let health = controller.step(&signals, &mut tau[..n]);
-        let saturated = if health.is_saturated { flags::SATURATED } else { 0 };
-        self.record.flags |= saturated;
-        self.record.limited = Limit::ALL.iter().enumerate().fold(0, |bits, (i, limit)| bits | u32::from(health.acted.any(*limit)) << i);
-        if health.is_faulted {
-            self.record.flags |= flags::CONTROLLER_FAULT;
-            let (code, place) = health.fault.map_or((0, 0), |fault| (fault.code as u8, fault.drive));
-            return Err(Offence { cause: Cause::Controller, place, value: f64::from(code), limit: 0.0 });
-        }
+        let mut tau = self.ask(dt)?;
         if self.is_first {
             (self.blend, self.is_first) = (Blend::new(&self.sent, &tau, self.limits.soft_start_s), false);
         }
         if self.blend.is_going() {
             self.record.flags |= flags::BLENDING;
-            self.blend.apply(&mut tau[..n], dt);
+            self.blend.apply(&mut tau[..self.n], dt);
         }
         match tau.iter().position(|x| !x.is_finite()) {
             Some(place) => Err(Offence { cause: Cause::NotFinite, place, value: tau[place], limit: 0.0 }),
             None => Ok(tau),
         }
+    }
+
+    /// One step of the controller, noted with everything it was given: whoever has the record can do it again.
+    fn ask(&mut self, dt: f64) -> Result<[f64; MAX_AXES], Offence> {
+        let Some(controller) = &mut self.controller else { return Err(Offence::of(Cause::Internal, 0.0, 0.0)) };
+        let (n, record) = (self.n, &mut self.record);
+        let mut tau_meas = [0.0; MAX_AXES];
+        for (k, tau) in tau_meas.iter_mut().enumerate().take(n) {
+            *tau = record.state.measured(Signal::Effort, k).unwrap_or(0.0);
+        }
+        record.q_given = *self.gate.q_all();
+        let signals = Signals {
+            dt,
+            q_meas: &record.q_given[..n],
+            tau_meas: &tau_meas[..n],
+            wrench_meas: self.wrench,
+            q_ref: &self.wanted.q[..n],
+            v_ref: &self.wanted.v[..n],
+            a_ref: &self.wanted.a[..n],
+            wrench_ref: record.wrench_ref,
+            tau_ff: &record.tau_ff[..n],
+        };
+        let mut tau = [0.0; MAX_AXES];
+        let health = controller.step(&signals, &mut tau[..n]);
+        record.tau_answer = tau;
+        let bits = [
+            (true, flags::STEPPED),
+            (self.is_first, flags::AT_REST),
+            (self.hold.is_some(), flags::OTHER_LAW),
+            (health.is_saturated, flags::SATURATED),
+            (health.is_faulted, flags::CONTROLLER_FAULT),
+        ];
+        record.flags |= bits.iter().filter(|(is_set, _)| *is_set).fold(0, |all, (_, bit)| all | bit);
+        record.limited = Limit::ALL.iter().enumerate().fold(0, |bits, (i, limit)| bits | u32::from(health.acted.any(*limit)) << i);
+        if health.is_faulted {
+            let (code, place) = health.fault.map_or((0, 0), |fault| (fault.code as u8, fault.drive));
+            return Err(Offence { cause: Cause::Controller, place, value: f64::from(code), limit: 0.0 });
+        }
+        Ok(tau)
     }
 
     /// Whether the drives are where they are wanted; a law of contact goes where it is pushed.

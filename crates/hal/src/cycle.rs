@@ -58,6 +58,10 @@ words! {
         a_ref: [f64; MAX_AXES], "m/s^2 | rad/s^2";
         /// Efforts that the model asks for `[N | N·m]`.
         tau_ff: [f64; MAX_AXES], "N | N.m";
+        /// Positions that the controller was given: measured, or carried on over a gap `[m | rad]`.
+        q_given: [f64; MAX_AXES], "m | rad";
+        /// What the controller answered, before anything led over from efforts of before `[N | N·m]`.
+        tau_answer: [f64; MAX_AXES], "N | N.m";
         /// Efforts that passed the limits outside the controller `[N | N·m]`.
         tau_sent: [f64; MAX_AXES], "N | N.m";
         /// Measured wrench in the root's axes, force first `[N, N·m]`.
@@ -99,6 +103,8 @@ impl CycleRecord {
             v_ref: zero,
             a_ref: zero,
             tau_ff: zero,
+            q_given: zero,
+            tau_answer: zero,
             tau_sent: zero,
             wrench: [0.0; 6],
             wrench_ref: [0.0; 6],

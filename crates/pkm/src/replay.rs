@@ -10,17 +10,19 @@ use pkm_record::{Attachment, Control, ControlStep, ReadOptions};
 use serde_json::{Value, json};
 
 use crate::out;
-use crate::simulate::controller::ATTACHED;
+use crate::simulate::controller::{ATTACHED, ATTACHED_HOLD};
 
 /// Arguments of `pkm replay`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Robot and controller are those attached to the first file. Exit status: 0 every command is the same to the bit, 1 some are not; the first
-that is not is named with both values.
+Robot and controller are those attached to the first file; where a daemon ran another law than that of its position loop, both. Exit
+status: 0 every command is the same to the bit, 1 some are not; the first that is not is named with both values.
 
 Examples:
   pkm simulate prs3 --out A.mcap --controller controller.toml
   pkm replay A.mcap
+  pkm daemon --start --seconds 5 --record runs
+  pkm replay runs/prs3_0001.mcap
   pkm replay A.mcap --controller other.toml --json")]
 pub(crate) struct Args {
     /// Recordings (.mcap) with the steps of a controller; of one that was rotated all files in order.
@@ -48,6 +50,23 @@ struct Difference {
     is_about_fault: bool,
 }
 
+/// The controllers of a recording.
+struct Laws {
+    controller: Box<dyn Running>,
+    /// That of the position loop, where it is another one.
+    hold: Option<Box<dyn Running>>,
+}
+
+impl Laws {
+    /// The one that did a step.
+    fn of(&mut self, step: &ControlStep) -> &mut dyn Running {
+        match &mut self.hold {
+            Some(hold) if !step.as_control().is_other_law => hold.as_mut(),
+            _ => self.controller.as_mut(),
+        }
+    }
+}
+
 /// What a replay found.
 #[derive(Default)]
 struct Found {
@@ -55,6 +74,8 @@ struct Found {
     differing: u64,
     largest: f64,
     first: Option<Difference>,
+    /// Whether a law was at rest once: the position loop's or the only one, and another.
+    has_begun: [bool; 2],
 }
 
 /// Runs the verb.
@@ -64,26 +85,27 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let name = first.display().to_string();
     let carried = pkm_record::read_attachments(first, &options)?.files;
     let description = attached_robot(&name, &carried)?;
-    let mut controller = match &args.controller {
-        Some(path) => config::load(path, &description.robot)?,
-        None => {
-            let text = text(&name, &carried, |file| file.name == ATTACHED)?;
-            config::parse(text, &format!("{name}:{ATTACHED}"), &description.robot)?
-        }
+    let attached = |file: &str| -> anyhow::Result<Box<dyn Running>> {
+        let text = text(&name, &carried, |carried| carried.name == file)?;
+        Ok(config::parse(text, &format!("{name}:{file}"), &description.robot)?)
     };
+    let controller = args.controller.as_ref().map_or_else(|| attached(ATTACHED), |path| Ok(config::load(path, &description.robot)?))?;
+    let hold = carried.iter().any(|file| file.name == ATTACHED_HOLD).then(|| attached(ATTACHED_HOLD)).transpose()?;
+    let mut laws = Laws { controller, hold };
     let mut found = Found::default();
     for path in &args.recordings {
         let file = path.display().to_string();
         let mut refused = Ok(());
-        let before = found.steps;
         pkm_record::read_controls(path, &options, &mut |step| {
             if refused.is_ok() {
-                refused = found.step(controller.as_mut(), &file, &step);
+                refused = found.step(laws.of(&step), &file, &step);
             }
         })?;
         refused?;
-        ensure!(found.steps > before, "{file}: no steps of a controller (topic /pkm/control; `pkm simulate --controller` records them)");
     }
+    // A daemon that waited for an order filled whole files with it.
+    ensure!(found.steps > 0, "{name}: no steps of a controller (topic /pkm/control; `pkm simulate --controller` records them)");
+    let controller = laws.controller;
     let text = if args.json {
         serde_json::to_string_pretty(&as_json(args, &found, controller.as_ref(), &description))?
     } else {
@@ -116,11 +138,9 @@ impl Found {
         let n = controller.about().n_drives;
         let place = || format!("{file}: step {} at t = {} s", step.number, step.t);
         ensure!(control.command.len() == n, "{}: {} drives (the attached robot has {n})", place(), control.command.len());
-        ensure!(
-            self.steps > 0 || control.is_first,
-            "{}: the controller was not at rest before it; give the files before this one as well",
-            place()
-        );
+        let has_begun = &mut self.has_begun[usize::from(control.is_other_law)];
+        *has_begun |= control.is_first;
+        ensure!(*has_begun, "{}: the controller was not at rest before it; give the files before this one as well", place());
         if control.is_first {
             controller.reset();
         }

@@ -110,6 +110,7 @@ fn periods_and_steps_are_decoded_by_ros_tools_from_the_definitions_in_the_file()
     }
     let step = Control {
         is_first: true,
+        is_other_law: false,
         is_faulted: false,
         dt: 0.25,
         q_meas: &[1.5],

@@ -72,6 +72,8 @@ pub(super) struct Bounds {
     pub(super) stuck: Option<Spanned<PerDrive>>,
     pub(super) jump: Option<Spanned<PerDrive>>,
     pub(super) move_speed: Option<Spanned<PerDrive>>,
+    pub(super) force: Option<Spanned<f64>>,
+    pub(super) moment: Option<Spanned<f64>>,
 }
 
 /// [`SafeKind`] in words.

@@ -59,6 +59,9 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
             return Err(Refusal::Incomplete);
         }
         core::mem::swap(&mut self.controller, &mut order.controller);
+        // A law that was stopped gives back to nobody: the position loop begins anew.
+        let hold = self.hold.take();
+        self.waste.controller(hold);
         if self.session.is_open {
             // A safe action goes on in this session: it leads over.
             self.stand_up(self.record.read_ns);

@@ -22,9 +22,15 @@ pub mod flags {
     pub const BLENDING: u32 = 1 << 8;
     /// The controller reported a fault.
     pub const CONTROLLER_FAULT: u32 = 1 << 9;
+    /// The controller did a step.
+    pub const STEPPED: u32 = 1 << 10;
+    /// It was at rest before that step.
+    pub const AT_REST: u32 = 1 << 11;
+    /// It is that of another law than the position loop's.
+    pub const OTHER_LAW: u32 = 1 << 12;
 
     /// All of them with their names.
-    pub const ALL: [(&str, u32); 10] = [
+    pub const ALL: [(&str, u32); 13] = [
         ("new-state", NEW_STATE),
         ("late-state", LATE_STATE),
         ("refused-state", REFUSED_STATE),
@@ -35,6 +41,9 @@ pub mod flags {
         ("armed", ARMED),
         ("blending", BLENDING),
         ("controller-fault", CONTROLLER_FAULT),
+        ("stepped", STEPPED),
+        ("at-rest", AT_REST),
+        ("other-law", OTHER_LAW),
     ];
 }
 

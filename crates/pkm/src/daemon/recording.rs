@@ -10,6 +10,7 @@ use pkm_record::cycles::{Folder, Handle, Layout, Options, Tap, spawn};
 use super::setup::Setup;
 use super::{IO, Stopped};
 use crate::convert::with_robot;
+use crate::simulate::controller::{ATTACHED, ATTACHED_HOLD};
 
 /// What of a loop is kept and shown.
 #[derive(Debug, clap::Args)]
@@ -98,7 +99,8 @@ fn layout(setup: &Setup) -> Layout {
     let parts = ["fx", "fy", "fz", "mx", "my", "mz"];
     let mut carried = with_robot(&setup.robot);
     let controller = setup.run.as_ref().unwrap_or(&setup.hold);
-    for (name, text) in [("controller.toml", &controller.text), ("daemon.toml", &setup.own.1)] {
+    let hold = setup.run.as_ref().map(|_| (ATTACHED_HOLD, &setup.hold.text));
+    for (name, text) in [(ATTACHED, &controller.text), ("daemon.toml", &setup.own.1)].into_iter().chain(hold) {
         let (name, media_type) = (name.to_string(), "application/toml".to_string());
         carried.files.push(Attachment { name, media_type, bytes: text.as_bytes().to_vec() });
     }

@@ -11,6 +11,9 @@ use pkm_sim::Step;
 /// Name of the file where it is attached.
 pub(crate) const ATTACHED: &str = "controller.toml";
 
+/// Name of the position loop's file where a daemon runs another law, whose file is the one above.
+pub(crate) const ATTACHED_HOLD: &str = "controller.hold.toml";
+
 /// Choice of controller.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ControllerArgs {
@@ -62,6 +65,7 @@ pub(crate) fn noted(step: &Step<'_>) -> ControlStep {
     let signals = &step.signals;
     let control = Control {
         is_first: step.number == 0,
+        is_other_law: false,
         is_faulted: step.health.is_faulted,
         dt: signals.dt,
         q_meas: signals.q_meas,

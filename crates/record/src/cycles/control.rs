@@ -9,6 +9,8 @@ use crate::mcap::cdr;
 pub struct Control<'a> {
     /// Whether the controller was set to rest before it.
     pub is_first: bool,
+    /// Whether it is a step of another law than that of the position loop, where a daemon has both.
+    pub is_other_law: bool,
     /// Whether the controller reported a fault.
     pub is_faulted: bool,
     /// Time since the last step `[s]`.
@@ -41,6 +43,7 @@ pub struct ControlStep {
     /// Number of the step or period.
     pub number: u64,
     is_first: bool,
+    is_other_law: bool,
     is_faulted: bool,
     dt: f64,
     wrenches: [[f64; 6]; 2],
@@ -62,6 +65,7 @@ impl ControlStep {
             t,
             number,
             is_first: step.is_first,
+            is_other_law: step.is_other_law,
             is_faulted: step.is_faulted,
             dt: step.dt,
             wrenches: [step.wrench_meas, step.wrench_ref],
@@ -77,6 +81,7 @@ impl ControlStep {
         let [wrench_meas, wrench_ref] = self.wrenches;
         Control {
             is_first: self.is_first,
+            is_other_law: self.is_other_law,
             is_faulted: self.is_faulted,
             dt: self.dt,
             q_meas: list(0),
@@ -102,6 +107,7 @@ impl ControlStep {
         let control = Control {
             is_first: message.flags & 1 != 0,
             is_faulted: message.flags & 2 != 0,
+            is_other_law: message.flags & 4 != 0,
             dt: message.dt,
             q_meas,
             tau_meas,
@@ -121,7 +127,7 @@ impl ControlStep {
 pub(crate) fn encode(message: &mut cdr::Writer, stamp_ns: i64, number: u64, step: &Control<'_>) {
     message.start(stamp_ns, "");
     message.u64(number);
-    message.u32(u32::from(step.is_first) | u32::from(step.is_faulted) << 1);
+    message.u32(u32::from(step.is_first) | u32::from(step.is_faulted) << 1 | u32::from(step.is_other_law) << 2);
     message.f64(step.dt);
     let (wrench_meas, wrench_ref) = (&step.wrench_meas[..], &step.wrench_ref[..]);
     for list in [step.q_meas, step.tau_meas, wrench_meas, step.q_ref, step.v_ref, step.a_ref, wrench_ref, step.tau_ff, step.command] {
@@ -138,6 +144,7 @@ mod tests {
         let odd = [f64::MIN_POSITIVE / 3.0, -0.0, 1.0 / 3.0];
         let control = Control {
             is_first: true,
+            is_other_law: true,
             is_faulted: false,
             dt: 1e-3,
             q_meas: &odd,

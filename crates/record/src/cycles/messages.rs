@@ -5,7 +5,7 @@ use alloc::collections::BTreeMap;
 use pkm_hal::cycle::{Cause, CycleRecord, Phase, flags};
 use pkm_hal::{MAX_AXES, Signal, StateFrame};
 
-use super::Layout;
+use super::{Control, Layout};
 use crate::mcap::columns::{self, Kind, Slot};
 use crate::mcap::{cdr, schema};
 
@@ -49,7 +49,8 @@ const REFERENCES: usize = 1;
 const ACCELERATIONS: usize = 2;
 const COMMANDS: usize = 3;
 const CYCLES: usize = 4;
-const SENSORS: usize = 5;
+const CONTROLS: usize = 5;
+const SENSORS: usize = 6;
 
 /// A topic of further sensors.
 #[derive(Debug)]
@@ -82,6 +83,7 @@ impl Messages {
         let joints = |name: &str| topic(name, schema::JOINT_STATE, schema::JOINT_STATE_TEXT);
         let mut topics = [columns::STATES, columns::REFERENCES, columns::REFERENCE_ACCELERATIONS, columns::COMMANDS].map(joints).to_vec();
         topics.push(topic(columns::CYCLES, schema::CYCLE, &definition()));
+        topics.push(topic(columns::CONTROLS, schema::CONTROL, schema::CONTROL_TEXT));
         let mut sensors = Vec::new();
         for (name, draft) in drafts(layout) {
             topics.push(match draft.kind {
@@ -142,7 +144,12 @@ impl Messages {
             }
         }
         encode(message, stamp, record, n);
-        pass(CYCLES, message)
+        pass(CYCLES, message)?;
+        if record.flags & flags::STEPPED != 0 {
+            step(message, stamp, record, n);
+            pass(CONTROLS, message)?;
+        }
+        Ok(())
     }
 }
 
@@ -187,6 +194,30 @@ fn encode(message: &mut cdr::Writer, stamp_ns: i64, record: &CycleRecord, n: usi
     }
     message.f64s(&record.wrench);
     message.f64s(&record.wrench_ref);
+}
+
+/// The step that the controller did, with everything it was given: enough to do it again.
+fn step(message: &mut cdr::Writer, stamp_ns: i64, record: &CycleRecord, n: usize) {
+    let CycleRecord { state, flags, .. } = record;
+    // An effort that was not measured is zero to a controller.
+    let tau_meas: [f64; MAX_AXES] = core::array::from_fn(|i| state.measured(Signal::Effort, i).unwrap_or(0.0));
+    let first = |list| <[f64]>::get(list, ..n).unwrap_or_default();
+    let step = Control {
+        is_first: flags & flags::AT_REST != 0,
+        is_other_law: flags & flags::OTHER_LAW != 0,
+        is_faulted: flags & flags::CONTROLLER_FAULT != 0,
+        dt: record.dt[0],
+        q_meas: first(&record.q_given),
+        tau_meas: first(&tau_meas),
+        wrench_meas: record.wrench,
+        q_ref: first(&record.q_ref),
+        v_ref: first(&record.v_ref),
+        a_ref: first(&record.a_ref),
+        wrench_ref: record.wrench_ref,
+        tau_ff: first(&record.tau_ff),
+        command: first(&record.tau_answer),
+    };
+    super::encode_control(message, stamp_ns, record.cycle, &step);
 }
 
 /// Definition of [`schema::CYCLE`], with the codes by name.

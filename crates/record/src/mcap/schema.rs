@@ -81,7 +81,8 @@ pub(crate) const CONTROL_TEXT: &str = "\
 # One step of a controller: all it was given, and what it answered. Enough to do the step again.
 std_msgs/Header header
 uint64 number
-# Bit 0: the controller was set to rest before this step. Bit 1: it reported a fault.
+# Bit 0: the controller was set to rest before this step. Bit 1: it reported a fault. Bit 2: it is that of another law than the
+# position loop's.
 uint32 flags
 # Time since the last step [s].
 float64 dt
