@@ -1,6 +1,7 @@
 //! `pkm daemon`: a controller on a robot in real time, until it is told to end.
 
 mod brakes;
+mod notify;
 mod recording;
 pub(crate) mod report;
 pub(crate) mod robot;
@@ -26,6 +27,7 @@ use pkm_hal::{Cause, Clock, Phase, SystemClock};
 use serde_json::json;
 
 use crate::out;
+use notify::Notify;
 use report::OnTerminal;
 use setup::Setup;
 use workshop::FromFiles;
@@ -199,7 +201,10 @@ fn serve(args: &Args, setup: &Arc<Setup>) -> Result<ExitCode, Stopped> {
     let workshop = FromFiles(Arc::clone(setup));
     let mut keeper = Supervisor::new(ends, workshop, reporter, black_box, status, SystemClock.now_ns());
     warn(setup.settings.realtime, &mut keeper);
-    let code = watch(args, &mut keeper, &door, &signals, &worker);
+    let mut notify = Notify::from_environment();
+    notify.ready("nothing moves until `pkm order arm`");
+    let code = watch(args, &mut keeper, (&door, &mut notify), &signals, &worker);
+    notify.stopping();
     if code.is_err() && !worker.has_ended() {
         // A loop that stands still may never end: its thread goes down with the process.
         keeper.give_up(SystemClock.now_ns(), SILENCE_NS);
@@ -226,7 +231,13 @@ fn warn(policy: Policy, keeper: &mut Keeper) {
 }
 
 /// Turns until it is time to leave, then until the robot stands.
-fn watch(args: &Args, keeper: &mut Keeper, door: &Door, signals: &Signals, worker: &thread::Worker) -> Result<ExitCode, Stopped> {
+fn watch(
+    args: &Args,
+    keeper: &mut Keeper,
+    (door, notify): (&Door, &mut Notify),
+    signals: &Signals,
+    worker: &thread::Worker,
+) -> Result<ExitCode, Stopped> {
     let begin_ns = SystemClock.now_ns();
     let mut desk = Desk::default();
     let mut wishes = if args.start { vec![(Phase::Ready, OrderKind::Arm), (Phase::Holding, OrderKind::Start)] } else { Vec::new() };
@@ -251,6 +262,8 @@ fn watch(args: &Args, keeper: &mut Keeper, door: &Door, signals: &Signals, worke
         if now_ns.saturating_sub(keeper.seen_ns()) > SILENCE_NS {
             return Err(Stopped::new(INTERNAL, "the loop has stood still for 2 s; the robot's side applies its safe action"));
         }
+        // The loop was heard of: that is what a service manager waits for.
+        notify.alive(keeper.seen_ns());
         let is_over = args.seconds.is_some_and(|s| now_ns.saturating_sub(begin_ns) as f64 * 1e-9 >= s);
         if leaving_ns.is_none() && (is_over || desk.is_told_to_leave || signals.count() > 0) {
             leaving_ns = Some(now_ns);
