@@ -1,5 +1,6 @@
 //! Backends that need nothing of the workspace but this crate.
 
+pub mod cia402;
 #[cfg(feature = "iceoryx2")]
 pub mod iceoryx2;
 mod loopback;
