@@ -12,7 +12,7 @@ use std::path::Path;
 use std::thread::JoinHandle;
 
 use pkm_hal::backends::Loopback;
-use pkm_hal::backends::iceoryx2::{Mended, Place, Role, SharedDriver, SharedError, SharedRobot};
+use pkm_hal::backends::iceoryx2::{Mended, Place, Role, SharedDriver, SharedError, SharedRobot, ping_pong};
 use pkm_hal::conformance::{check_device, check_guarded};
 use pkm_hal::frame::status;
 use pkm_hal::{
@@ -30,6 +30,11 @@ struct Driver {
 
 impl Driver {
     fn start<B: Backend>(place: &Place, hal: impl FnOnce() -> B + Send + 'static) -> Self {
+        Self::slow(place, core::time::Duration::from_micros(50), hal)
+    }
+
+    /// One that rests between two turns.
+    fn slow<B: Backend>(place: &Place, rest: core::time::Duration, hal: impl FnOnce() -> B + Send + 'static) -> Self {
         let (place, stop) = (place.clone(), Arc::new(AtomicBool::new(false)));
         let told = Arc::clone(&stop);
         let thread = std::thread::spawn(move || {
@@ -37,7 +42,7 @@ impl Driver {
             let mut hal = hal();
             while !told.load(Ordering::Relaxed) {
                 let _ = driver.serve(&mut hal);
-                std::thread::sleep(core::time::Duration::from_micros(50));
+                std::thread::sleep(rest);
             }
         });
         Self { stop, thread }
@@ -174,6 +179,75 @@ fn a_driver_takes_the_robot_from_a_commander_that_falls_silent_and_ignores_stran
     driver.end();
 }
 
+/// A driver that was there first finds its commander only after some turns. What it sends until then is no state to arm on: nobody would hear it.
+#[test]
+fn a_robot_is_there_when_its_driver_listens_and_hears_the_first_command() {
+    let (_dir, place) = place();
+    let mut device = Loopback::new(2, SystemClock);
+    let mut driver_side = driver(&place).unwrap();
+    driver_side.serve(&mut device).unwrap();
+    let mut robot_side = robot(&place, 2).unwrap();
+    robot_side.reconnect();
+    driver_side.publish(&device.read().unwrap());
+    assert_eq!(robot_side.read(), Err(HalError::Gone { code: 1 }), "states alone are no robot");
+    let mut turns = 0;
+    while robot_side.read().is_err() {
+        turns += 1;
+        assert!(turns < 200, "{driver_side:?}");
+        driver_side.serve(&mut device).unwrap();
+    }
+    // One command, once: it is taken in the next turn.
+    robot_side.write(&effort(2, 77)).unwrap();
+    driver_side.serve(&mut device).unwrap();
+    assert_eq!((driver_side.served().taken, robot_side.read().unwrap().command_sequence), (1, 77));
+    // A driver that goes leaves nobody to command.
+    drop(driver_side);
+    assert_eq!(robot_side.read(), Err(HalError::Gone { code: 1 }));
+}
+
+/// The same with threads, in either order and at any time: whoever sees a state is heard.
+#[test]
+fn the_first_command_is_heard_whoever_came_first() {
+    for trial in 0..20_u64 {
+        let (_dir, place) = place();
+        let pause = || std::thread::sleep(core::time::Duration::from_micros(trial * 137 % 4000));
+        // It looks for its commander every tenth of a second, and sends states all the while.
+        let start = || Driver::slow(&place, core::time::Duration::from_millis(2), || Loopback::new(2, SystemClock));
+        let (driver, mut robot_side) = if trial % 2 == 0 {
+            let driver = start();
+            pause();
+            (driver, robot(&place, 2).unwrap())
+        } else {
+            let robot_side = robot(&place, 2).unwrap();
+            pause();
+            (start(), robot_side)
+        };
+        wait(&mut robot_side, |_| true);
+        robot_side.write(&effort(2, 1 + trial)).unwrap();
+        let begin = SystemClock.now_ns();
+        while robot_side.read().unwrap().command_sequence != 1 + trial {
+            assert!(SystemClock.now_ns() - begin < 20_000_000_000, "trial {trial}: the first command was lost");
+            std::thread::sleep(core::time::Duration::from_micros(200));
+        }
+        driver.end();
+    }
+}
+
+#[test]
+fn a_probe_goes_there_and_back_and_leaves_the_place_free() {
+    let (_dir, place) = place();
+    let mut times = Vec::new();
+    ping_pong(&place, 2_000_000_000, &SystemClock, &mut |ns| times.push(ns)).unwrap();
+    // Two caches that are not one: a sample takes some hundred nanoseconds each way, and no less than the fifth of that.
+    assert!(times.len() > 4 && times.iter().all(|ns| *ns > 40), "{} times", times.len());
+    assert!(times.iter().sum::<u64>() < 10_000_000_000);
+    let held = place.lock(Role::Driver).unwrap();
+    let told = ping_pong(&place, 1, &SystemClock, &mut |_| {}).unwrap_err();
+    assert!(matches!(told, SharedError::Busy { role: Role::Driver, .. }), "{told}");
+    drop(held);
+    driver(&place).unwrap();
+}
+
 #[test]
 fn either_side_may_end_and_come_back_without_the_other() {
     let (_dir, place) = place();
@@ -248,8 +322,10 @@ fn a_place_that_others_can_look_into_is_refused() {
 #[test]
 fn garbage_and_another_layout_are_refused_and_said() {
     let (_dir, place) = place();
-    let mut driver_side = driver(&place).unwrap();
+    // In this order a driver hears at once, without a turn.
     let mut robot_side = robot(&place, 1).unwrap();
+    let mut driver_side = driver(&place).unwrap();
+    robot_side.reconnect();
     let good = StateFrame { sequence: 1, stamp_ns: 1, valid_q: 1, ..StateFrame::new(1, 0) }.sealed();
     driver_side.publish(&good);
     assert_eq!(wait(&mut robot_side, |_| true), good);

@@ -9,7 +9,7 @@ const LONGEST_NS: u64 = 10_000_000_000;
 
 /// One quantity.
 #[derive(Debug, Clone)]
-struct Times {
+pub struct Times {
     histogram: Option<Histogram<u64>>,
     max_ns: u64,
     count: u64,
@@ -30,19 +30,24 @@ pub struct Summary {
     pub max_us: f64,
 }
 
-impl Times {
-    fn new() -> Self {
+impl Default for Times {
+    fn default() -> Self {
         Self { histogram: Histogram::new_with_bounds(1, LONGEST_NS, 3).ok(), max_ns: 0, count: 0 }
     }
+}
 
-    fn note(&mut self, ns: u64) {
+impl Times {
+    /// Notes a time `[ns]`.
+    pub fn note(&mut self, ns: u64) {
         (self.max_ns, self.count) = (self.max_ns.max(ns), self.count + 1);
         if let Some(histogram) = &mut self.histogram {
             histogram.saturating_record(ns);
         }
     }
 
-    fn summary(&self) -> Summary {
+    /// Its shares.
+    #[must_use]
+    pub fn summary(&self) -> Summary {
         let share = |p: f64| self.histogram.as_ref().map_or(0.0, |h| h.value_at_quantile(p) as f64 * 1e-3);
         let max_us = self.max_ns as f64 * 1e-3;
         // A bucket's end may lie beyond the largest value in it.
@@ -52,7 +57,7 @@ impl Times {
 }
 
 /// Latencies of a loop.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Latencies {
     wake: Times,
     compute: Times,
@@ -68,12 +73,6 @@ pub struct LatencySummary {
     pub compute: Summary,
     /// Age of a state when the command that answers it is handed over.
     pub end_to_end: Summary,
-}
-
-impl Default for Latencies {
-    fn default() -> Self {
-        Self { wake: Times::new(), compute: Times::new(), end_to_end: Times::new() }
-    }
 }
 
 impl Latencies {

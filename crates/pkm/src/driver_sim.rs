@@ -1,11 +1,14 @@
 //! `pkm driver-sim`: a simulated robot in a process of its own, where a driver of real hardware would be.
 
+mod heard;
+
 use alloc::sync::Arc;
 use core::sync::atomic::{AtomicBool, Ordering};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use pkm_daemon::Grid;
+use pkm_daemon::histogram::Summary;
 use pkm_daemon::runner::Pace;
 use pkm_hal::backends::iceoryx2::{Place, Role, SharedDriver};
 use pkm_hal::{Clock, SystemClock};
@@ -13,6 +16,7 @@ use pkm_hal::{Clock, SystemClock};
 use crate::daemon::setup::Setup;
 use crate::daemon::{CONFIGURATION, INTERNAL, Stopped, refuse, robot};
 use crate::out;
+use heard::Heard;
 
 /// Turns of the driver in one period of the loop: a command waits for no more than such a part of it.
 const TURNS: u64 = 4;
@@ -64,7 +68,8 @@ fn serve(args: &Args) -> Result<(), Stopped> {
     let place = Place::try_new(&setup.directory())?;
     let lock = place.lock(Role::Driver)?;
     let mut driver = SharedDriver::try_new(&place, lock)?;
-    let mut hal = robot::simulated(&setup).map_err(|e| Stopped::new(CONFIGURATION, format!("{e:#}")))?;
+    let hal = robot::simulated(&setup).map_err(|e| Stopped::new(CONFIGURATION, format!("{e:#}")))?;
+    let mut hal = Heard::new(hal, SystemClock);
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
         signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(|e| Stopped::new(INTERNAL, e))?;
@@ -75,7 +80,7 @@ fn serve(args: &Args) -> Result<(), Stopped> {
     let turn_ns = setup.settings.limits.period_ns / TURNS;
     let mut grid = Grid::new(begin_ns, turn_ns);
     let mut trips = 0;
-    let (mut told, mut told_ns) = (0, 0);
+    let (mut told, mut told_ns, mut opened) = (0, 0, 0);
     while !stop.load(Ordering::Relaxed) {
         SystemClock.sleep_until(grid.beat().planned_ns);
         let now_ns = SystemClock.now_ns();
@@ -85,9 +90,13 @@ fn serve(args: &Args) -> Result<(), Stopped> {
         }
         // A state that is stale to the watchdog is still the robot's newest: the loop judges by its age as well.
         let served = driver.serve(&mut hal);
-        if hal.counts().trips > trips {
-            trips = hal.counts().trips;
+        if hal.inner.counts().trips > trips {
+            trips = hal.inner.counts().trips;
             say(&format!("{:.6} s: the commander lost the robot: safe action", now_ns as f64 * 1e-9))?;
+        }
+        if driver.served().opened > opened {
+            opened = driver.served().opened;
+            say(&format!("{:.6} s: listens to a daemon", now_ns as f64 * 1e-9))?;
         }
         let refused = driver.served().refused;
         if refused > told && now_ns.saturating_sub(told_ns) > SILENT_NS {
@@ -102,5 +111,9 @@ fn serve(args: &Args) -> Result<(), Stopped> {
     }
     let served = driver.served();
     let last = served.last.map_or(String::new(), |error| format!(", the last because {error}"));
+    let Summary { count, p50_us, p99_us, p999_us, max_us } = hal.round_trips();
+    if count > 0 {
+        say(&format!("from a state to its answer, us: {count} times, p50 {p50_us} p99 {p99_us} p99.9 {p999_us} max {max_us}"))?;
+    }
     say(&format!("{} states sent, {} commands taken, {} refused{last}", served.sent, served.taken, served.refused))
 }

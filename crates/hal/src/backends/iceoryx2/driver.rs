@@ -2,12 +2,10 @@
 
 use core::fmt;
 
-use ::iceoryx2::port::publisher::Publisher;
-use ::iceoryx2::port::subscriber::Subscriber;
 use ::iceoryx2::prelude::{Node, ipc};
 
 use super::place::{Lock, Place, Role, SharedError};
-use super::service::{Mended, Opened, begin, listen, own};
+use super::service::{Deaf, Mended, Ours, Theirs, begin, listen, own};
 use super::{CommandSlot, StateSlot};
 use crate::backend::{Backend, HalError};
 use crate::frame::{CommandFrame, StateFrame};
@@ -26,13 +24,15 @@ pub struct Served {
     pub last: Option<HalError>,
     /// States that were sent.
     pub sent: u64,
+    /// Times the loop's service was opened.
+    pub opened: u64,
 }
 
 /// A robot in this process, offered to a loop in another one.
 pub struct SharedDriver {
     // In this order when dropped: ports before the node, everything before the lock.
-    commands: Option<Opened<Subscriber<ipc::Service, CommandSlot, ()>, CommandSlot>>,
-    states: Opened<Publisher<ipc::Service, StateSlot, ()>, StateSlot>,
+    commands: Option<Theirs<CommandSlot>>,
+    states: Ours<StateSlot>,
     node: Node<ipc::Service>,
     place: Place,
     _lock: Lock,
@@ -94,11 +94,9 @@ impl SharedDriver {
     /// The robot has no state.
     pub fn serve<B: Backend + ?Sized>(&mut self, hal: &mut B) -> Result<StateFrame, HalError> {
         let mut came = false;
-        while let Some(Ok(Some(sample))) = self.commands.as_ref().map(|commands| commands.port.receive()) {
+        while let Some(slot) = self.next() {
             came = true;
-            let command = CommandFrame::from_bytes(&sample.payload().bytes);
-            drop(sample);
-            match hal.write(&command) {
+            match hal.write(&CommandFrame::from_bytes(&slot.bytes)) {
                 Ok(()) => self.served.taken += 1,
                 Err(error) => {
                     self.served.refused += 1;
@@ -119,21 +117,30 @@ impl SharedDriver {
     /// Sends a state as it is.
     pub fn publish(&mut self, state: &StateFrame) {
         // Without memory for it the state is lost, which its age will tell.
-        if let Ok(loan) = self.states.port.loan_uninit()
-            && loan.write_payload(StateSlot { bytes: state.to_bytes() }).send().is_ok()
-        {
-            self.served.sent += 1;
+        self.served.sent += u64::from(self.states.send(StateSlot { bytes: state.to_bytes() }));
+    }
+
+    /// The oldest command that was not taken yet.
+    fn next(&mut self) -> Option<CommandSlot> {
+        match self.commands.as_ref()?.next() {
+            Ok(next) => next,
+            Err(Deaf) => {
+                self.commands = None;
+                None
+            }
         }
     }
 
-    /// Opens the loop's service where that is not the one listened to.
+    /// Opens the loop's service where that is not the one listened to, and makes anew what could not be connected.
     fn reconnect(&mut self) {
+        self.states.mend();
         let Some((number, layout)) = self.place.number(Role::Daemon) else { return };
         if layout != CommandFrame::LAYOUT || (self.number == Some(number) && self.commands.is_some()) {
             return;
         }
         if let Some(commands) = listen(&self.node, Role::Daemon, number) {
             (self.commands, self.number) = (Some(commands), Some(number));
+            self.served.opened += 1;
         }
     }
 }

@@ -12,11 +12,13 @@
 
 mod driver;
 mod place;
+mod probe;
 mod robot;
 mod service;
 
 pub use driver::{Served, SharedDriver};
 pub use place::{Lock, Place, Role, SharedError};
+pub use probe::ping_pong;
 pub use robot::{Received, SharedRobot};
 pub use service::Mended;
 

@@ -2,12 +2,10 @@
 
 use core::fmt;
 
-use ::iceoryx2::port::publisher::Publisher;
-use ::iceoryx2::port::subscriber::Subscriber;
 use ::iceoryx2::prelude::{Node, ipc};
 
 use super::place::{Lock, Place, Role, SharedError};
-use super::service::{Mended, Opened, begin, listen, own};
+use super::service::{Deaf, Mended, Ours, Theirs, begin, listen, own};
 use super::{CommandSlot, StateSlot};
 use crate::backend::{Backend, HalError};
 use crate::frame::{CommandFrame, StateFrame};
@@ -26,8 +24,8 @@ pub struct Received {
 /// A robot whose driver runs in another process.
 pub struct SharedRobot {
     // In this order when dropped: ports before the node, everything before the lock.
-    states: Option<Opened<Subscriber<ipc::Service, StateSlot, ()>, StateSlot>>,
-    commands: Opened<Publisher<ipc::Service, CommandSlot, ()>, CommandSlot>,
+    states: Option<Theirs<StateSlot>>,
+    commands: Ours<CommandSlot>,
     node: Node<ipc::Service>,
     place: Place,
     _lock: Lock,
@@ -44,7 +42,8 @@ impl fmt::Debug for SharedRobot {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { place, number, received, mended, .. } = self;
         let mut out = f.debug_struct("SharedRobot");
-        out.field("place", place).field("number", number).field("received", received).field("mended", mended).finish_non_exhaustive()
+        out.field("place", place).field("number", number).field("received", received).field("mended", mended);
+        out.field("is_heard", &self.commands.is_heard()).finish_non_exhaustive()
     }
 }
 
@@ -87,11 +86,9 @@ impl SharedRobot {
     }
 
     /// Takes what came; the newest good state stays.
-    fn drain(&mut self) -> Result<(), HalError> {
-        let Some(states) = &self.states else { return Ok(()) };
-        // An error is a connection that cannot be made: the age of the last state tells soon enough.
-        while let Ok(Some(sample)) = states.port.receive() {
-            let state = StateFrame::from_bytes(&sample.payload().bytes);
+    fn drain(&mut self) {
+        while let Some(slot) = self.next() {
+            let state = StateFrame::from_bytes(&slot.bytes);
             self.received.taken += 1;
             match state.check() {
                 Ok(()) => self.state = Some(state),
@@ -99,9 +96,26 @@ impl SharedRobot {
                 Err(_) => self.received.rejected += 1,
             }
         }
-        Ok(())
+    }
+
+    /// The oldest state that was not taken yet.
+    fn next(&mut self) -> Option<StateSlot> {
+        match self.states.as_ref()?.next() {
+            Ok(next) => next,
+            // Looked for anew when nobody moves; until then the age of the last state tells.
+            Err(Deaf) => {
+                self.states = None;
+                None
+            }
+        }
     }
 }
+
+/// Nobody takes commands.
+const DEAF: HalError = HalError::Gone { code: 1 };
+
+/// A command could not be handed over.
+const LOST: HalError = HalError::Gone { code: 2 };
 
 impl Backend for SharedRobot {
     fn n_axes(&self) -> usize {
@@ -112,8 +126,12 @@ impl Backend for SharedRobot {
         self.counts.1
     }
 
+    /// # Errors
+    /// Also while nobody takes commands: a driver may send states before it has found this side, and would not hear that it is armed.
     fn read(&mut self) -> Result<StateFrame, HalError> {
-        self.drain()?;
+        // Looked at every time: a driver that comes later is connected before the first command, not by it.
+        let is_heard = self.commands.is_heard();
+        self.drain();
         self.layout?;
         let state = self.state.ok_or(HalError::NoState)?;
         for (found, expected) in [(state.n_axes, self.counts.0), (state.n_sensors, self.counts.1)] {
@@ -121,19 +139,17 @@ impl Backend for SharedRobot {
                 return Err(HalError::Axes { found, expected: u32::try_from(expected).unwrap_or(u32::MAX) });
             }
         }
-        Ok(state)
+        if is_heard { Ok(state) } else { Err(DEAF) }
     }
 
     fn write(&mut self, command: &CommandFrame) -> Result<(), HalError> {
         command.check(self.n_axes())?;
-        let gone = HalError::Gone { code: 2 };
-        let loan = self.commands.port.loan_uninit().map_err(|_| gone)?;
-        let sample = loan.write_payload(CommandSlot { bytes: command.to_bytes() });
-        sample.send().map(|_| ()).map_err(|_| gone)
+        if self.commands.send(CommandSlot { bytes: command.to_bytes() }) { Ok(()) } else { Err(LOST) }
     }
 
-    /// Opens the driver's service where that is not the one listened to.
+    /// Opens the driver's service where that is not the one listened to, and makes anew what could not be connected.
     fn reconnect(&mut self) {
+        self.commands.mend();
         let Some((number, layout)) = self.place.number(Role::Driver) else { return };
         if layout != StateFrame::LAYOUT {
             self.layout = Err(HalError::Layout { found: layout, expected: StateFrame::LAYOUT });

@@ -1,0 +1,92 @@
+//! A daemon that runs for long beside other work: nothing is lost, nothing grows, time does not drift, and all of it can be done again.
+
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::time::Duration;
+use std::fs;
+
+use pkm_hal::{Clock, SystemClock};
+use serde_json::Value;
+
+use crate::site::{CONFIG, CONTROLLER, PATIENCE_S, Site, trials};
+
+/// Ends the other work when it goes.
+struct Over<'a>(&'a AtomicBool);
+
+impl Drop for Over<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Memory of a process that is in use `[KiB]`.
+fn resident_kib(pid: u32) -> u64 {
+    let text = fs::read_to_string(format!("/proc/{pid}/status")).unwrap();
+    let line = text.lines().find(|line| line.starts_with("VmRSS:")).expect("Linux says so");
+    line.split_whitespace().nth(1).unwrap().parse().unwrap()
+}
+
+/// Periods of the loop's grid that have passed, and the time `[s]`.
+fn beat(status: &Value) -> (f64, f64) {
+    let count = |key: &str| status[key].as_f64().unwrap();
+    (count("periods") + count("skipped"), SystemClock.now_ns() as f64 * 1e-9)
+}
+
+#[test]
+fn a_long_run_loses_nothing_grows_by_nothing_and_comes_back_to_the_bit() {
+    let site = Site::new();
+    let seconds = trials(20, 600);
+    fs::write(site.config(), CONFIG.replace("\"iceoryx2\"", "\"simulated\"")).unwrap();
+    fs::write(site.dir.path().join("controller.toml"), CONTROLLER.replace("rate_hz = 100.0", "rate_hz = 1000.0")).unwrap();
+    // The motion of the site lasts 300 s; this one as long as the run.
+    let rows: String = (0..=10 * (seconds + 60))
+        .map(|i| {
+            let t = 0.1 * i as f64;
+            let q = 0.15 + 0.02 * (1.0 - pkm_dyn::math::cos(0.5 * t));
+            format!("{t},{q},{q},{q}\n")
+        })
+        .collect();
+    fs::write(site.dir.path().join("motion.csv"), format!("t,q_ref.q1,q_ref.q6,q_ref.q8\n{rows}")).unwrap();
+    let is_over = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while !is_over.load(Ordering::Relaxed) {
+                core::hint::spin_loop();
+            }
+        });
+        // Also where it fails: the other thread is waited for.
+        let _over = Over(&is_over);
+        run(&site, seconds);
+    });
+    let mut files: Vec<String> =
+        fs::read_dir(site.dir.path().join("runs")).unwrap().map(|f| f.unwrap().path().display().to_string()).collect();
+    files.sort();
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_pkm"));
+    let told = command.arg("replay").args(&files).arg("--json").output().unwrap();
+    let again: Value = serde_json::from_slice(&told.stdout).unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&told.stderr)));
+    assert_eq!((&again["same"], &again["differing"]), (&true.into(), &0.into()), "{again}");
+    // Some periods come before it is armed, and a machine that has other work skips some.
+    assert!(again["steps"].as_u64().unwrap() > 1000 * seconds / 2, "{again}");
+}
+
+fn run(site: &Site, seconds: u64) {
+    let mut daemon = site.start_with("daemon", &["--start", "--record", "runs"], &[]);
+    let pid = daemon.child.id();
+    let begun = site.until(&["running-position"]);
+    let (first, from_s) = beat(&begun);
+    // The rings hold eight seconds, the black box two: then every page of them has been used.
+    std::thread::sleep(Duration::from_secs(12));
+    let before_kib = resident_kib(pid);
+    std::thread::sleep(Duration::from_secs(seconds - 12));
+    let status = site.status().unwrap_or_else(|| panic!("{}", daemon.told()));
+    assert_eq!(status["phase"], "running-position", "{}", daemon.told());
+    let (last, to_s) = beat(&status);
+    let grown_kib = resident_kib(pid).saturating_sub(before_kib);
+    assert!(grown_kib < 8 * 1024, "{grown_kib} KiB more");
+    // The grid is the clock's: what passes between two answers is no more than the machine took to give them.
+    let rate = (last - first) / (to_s - from_s);
+    assert!((rate / 1000.0 - 1.0).abs() < 0.02, "{rate} periods a second");
+    assert_eq!(status["records_lost"], 0, "{status}");
+    site.order("quit");
+    assert_eq!(daemon.end(PATIENCE_S), 0, "{}", daemon.told());
+    assert!(daemon.told().contains(" files, 0 lost"), "{}", daemon.told());
+}
