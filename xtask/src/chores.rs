@@ -9,7 +9,7 @@ use crate::shell::{answer, cargo, program, root, run};
 /// Version of Pinocchio the golden files are made with, and the one that is measured against.
 pub(crate) const PINOCCHIO: &str = "pin==4.1.0";
 
-/// Runs the cross-crate tests with many seeds, or those of the files named; they read `PKM_LONG`, and write tables into the folder `PKM_RESULTS`, each under the
+/// Runs the cross-crate tests with many seeds, or those of the files named (`daemon`: processes of the binary); they read `PKM_LONG`, and write tables into the folder `PKM_RESULTS`, each under the
 /// commit in `PKM_COMMIT`.
 pub(crate) fn long(only: &[&str]) -> Result<(), String> {
     let results = root().join("docs/results");
@@ -17,10 +17,17 @@ pub(crate) fn long(only: &[&str]) -> Result<(), String> {
     let commit = commit();
     println!("   commit {commit}, tables go to docs/results/");
     let mut command = cargo("test --release --locked -p pkm-tests --no-fail-fast");
-    only.iter().for_each(|name| {
+    let of_tests: Vec<&&str> = only.iter().filter(|name| **name != "daemon").collect();
+    of_tests.iter().for_each(|name| {
         command.args(["--test", name]);
     });
-    run(command.env("PKM_LONG", "1").env("PKM_RESULTS", &results).env("PKM_COMMIT", &commit))?;
+    if only.is_empty() || !of_tests.is_empty() {
+        run(command.env("PKM_LONG", "1").env("PKM_RESULTS", &results).env("PKM_COMMIT", &commit))?;
+    }
+    if only.is_empty() || only.contains(&"daemon") {
+        // Two hundred killed starts, a hundred armings, ten minutes at 1 kHz.
+        run(cargo("test --release --locked -p pkm --test daemon").env("PKM_LONG", "1"))?;
+    }
     if only.is_empty() { prove(&results, &commit) } else { Ok(()) }
 }
 

@@ -1,8 +1,11 @@
 //! `cargo xtask`: everything CI runs, and the other chores of the repository. Needs nothing beyond the standard library.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "a command for the terminal")]
 
+extern crate alloc;
+
 mod checks;
 mod chores;
+mod latency;
 mod nostd;
 mod peers;
 mod prerequisites;
@@ -18,6 +21,7 @@ cargo xtask bench [ARGS ...]  the benches; arguments go to criterion (`-- --quic
 cargo xtask peers [ARGS ...]  pkm-dyn and Pinocchio's C++ in one run, into benches/README.md (`--rounds N`)
 cargo xtask slicot [N]        μ beside SLICOT's AB13MD on N problems in one run, into benches/README.md
 cargo xtask identify-peers [N]  identification beside Pinocchio, scipy and cvxpy, best of N rounds, into benches/README.md
+cargo xtask latency [S]       wake-ups, computing, shared memory there and back, idle and loaded, into benches/README.md
 cargo xtask wheel             the Python wheel, optimised, into target/wheels/
 cargo xtask golden            the golden files of tests/, anew, with Pinocchio
 
@@ -32,6 +36,7 @@ fn main() -> ExitCode {
         Some("peers") => peers::peers(&rest),
         Some("slicot") => peers::slicot(&rest),
         Some("identify-peers") => peers::identify(&rest),
+        Some("latency") => latency::latency(&rest),
         Some("long") => chores::long(&rest),
         Some("wheel") => none(&rest).and_then(|()| chores::wheel()),
         Some("golden") => none(&rest).and_then(|()| chores::golden()),

@@ -112,7 +112,7 @@ fn undisturbed(path: &Path) -> (Command, &'static str) {
 }
 
 /// Where, when and with what the numbers were measured.
-fn head(peer: &str, how: &str) -> String {
+pub(crate) fn head(peer: &str, how: &str) -> String {
     let first = |text: Option<String>| text.and_then(|t| t.lines().next().map(str::to_string)).unwrap_or_else(|| "unknown".to_string());
     let processor = fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| {
         let line = text.lines().find(|l| l.starts_with("model name"))?.to_string();
@@ -129,7 +129,7 @@ fn head(peer: &str, how: &str) -> String {
 }
 
 /// Puts the text between the marks of a command in benches/README.md.
-fn publish(command: &str, text: &str) -> Result<(), String> {
+pub(crate) fn publish(command: &str, text: &str) -> Result<(), String> {
     let path = root().join("benches/README.md");
     let old = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
     let begin = format!("<!-- cargo xtask {command} -->");

@@ -3,6 +3,7 @@
 mod facts;
 mod jitter;
 mod rights;
+mod shared;
 
 use core::time::Duration;
 use std::path::Path;
@@ -13,13 +14,16 @@ use serde_json::{Value, json};
 use crate::out;
 use facts::{Finding, State};
 use jitter::{Jitter, Measured};
+use pkm_daemon::histogram::Summary;
+use shared::Shared;
 
 /// Arguments of `pkm doctor`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Every line says what was found and, where something can be better, what to do about it. A loop of pkm (a record of every period, sealed and
 put into a ring) and beside it a bare one that does nothing but clock_nanosleep wake up every period, first with ordinary rights, then with
-those of a control loop (SCHED_FIFO, memory locked, processor kept awake) as far as they are granted. Take minutes, and load the machine as
+those of a control loop (SCHED_FIFO, memory locked, processor kept awake) as far as they are granted. Then a sample goes through shared memory
+there and back, between threads that never sleep: of iceoryx2 alone, and as a sealed command and the state that answers it. Take minutes, and load the machine as
 it will be loaded, before the largest number is believed. Exit status: 0 nothing is in the way of a control loop, 1 something is.
 
 Examples:
@@ -27,7 +31,7 @@ Examples:
   pkm doctor --seconds 600 --rate 4000
   pkm doctor --json")]
 pub(crate) struct Args {
-    /// Length of each of the two measurements; 0 measures nothing.
+    /// Length of each measurement; 0 measures nothing.
     #[arg(long, value_name = "S", default_value_t = 5, value_parser = clap::value_parser!(u64).range(0..=86_400))]
     seconds: u64,
     /// Wake-ups per second.
@@ -57,11 +61,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         measured.push(jitter::measure(length, period_ns, Some(args.priority)));
         findings.push(judged(&measured, period_ns));
     }
+    let shared = if args.seconds > 0 { Some(shared::measure(length)?) } else { None };
     let is_bad = findings.iter().any(|finding| finding.state == State::Bad);
     let text = if args.json {
-        serde_json::to_string_pretty(&as_json(&findings, &measured, period_ns))?
+        serde_json::to_string_pretty(&as_json(&findings, (&measured, shared.as_ref()), period_ns))?
     } else {
-        as_text(&findings, &measured, period_ns, args.seconds)
+        as_text(&findings, (&measured, shared.as_ref()), period_ns, args.seconds)
     };
     out::say(&out::clean(&text))?;
     Ok(if is_bad { ExitCode::from(1) } else { ExitCode::SUCCESS })
@@ -88,7 +93,7 @@ fn judged(measured: &[Measured], period_ns: u64) -> Finding {
     Finding::new("wake-ups", &found, state, advice)
 }
 
-fn as_text(findings: &[Finding], measured: &[Measured], period_ns: u64, seconds: u64) -> String {
+fn as_text(findings: &[Finding], (measured, shared): (&[Measured], Option<&Shared>), period_ns: u64, seconds: u64) -> String {
     let mut lines = Vec::new();
     for finding in findings {
         lines.push(format!("{}  {:<18} {}", finding.state.mark(), finding.what, finding.found));
@@ -110,10 +115,19 @@ fn as_text(findings: &[Finding], measured: &[Measured], period_ns: u64, seconds:
         }
         lines.push(out::table(&rows));
     }
+    if let Some(shared) = shared {
+        lines.push(format!("\nShared memory, there and back for {seconds} s, microseconds:"));
+        let row = |name: &str, s: &Summary| {
+            let shares = [s.p50_us, s.p99_us, s.p999_us, s.max_us].map(|us| format!("{us:.1}"));
+            [&[name.to_string()][..], &shares, &[s.count.to_string()]].concat()
+        };
+        let head = ["", "median", "99 %", "99.9 %", "largest", "times"].map(str::to_string).to_vec();
+        lines.push(out::table(&[head, row("iceoryx2 alone", &shared.bare), row("command and state", &shared.own)]));
+    }
     lines.join("\n")
 }
 
-fn as_json(findings: &[Finding], measured: &[Measured], period_ns: u64) -> Value {
+fn as_json(findings: &[Finding], (measured, shared): (&[Measured], Option<&Shared>), period_ns: u64) -> Value {
     let finding = |f: &Finding| json!({"what": f.what, "found": f.found, "state": f.state.name(), "advice": f.advice});
     let jitter = |j: &Jitter| {
         json!({
@@ -122,8 +136,10 @@ fn as_json(findings: &[Finding], measured: &[Measured], period_ns: u64) -> Value
         })
     };
     let run = |m: &Measured| json!({"rights": m.rights, "granted": m.is_granted, "bare": jitter(&m.bare), "loop": jitter(&m.own)});
+    let shared = shared.map(|shared| json!({"bare": shared.bare, "own": shared.own}));
     json!({
         "schema": "pkm.doctor/1",
+        "shared_memory": shared,
         "findings": findings.iter().map(finding).collect::<Vec<_>>(),
         "period_us": period_ns as f64 * 1e-3,
         "jitter": measured.iter().map(run).collect::<Vec<_>>(),

@@ -33,6 +33,14 @@ fn a_machine_is_looked_at_and_measured() {
             assert!(number("p50_us") <= number("p99_us") && number("p999_us") <= number("max_us") && number("max_us") > 0.0, "{run}");
         }
     }
+    for kind in ["bare", "own"] {
+        let number = |key: &str| told["shared_memory"][kind][key].as_f64().unwrap();
+        // Two threads that share a core take turns of milliseconds.
+        assert!(number("count") >= 3.0, "{told}");
+        assert!(number("p50_us") <= number("p99_us") && number("p999_us") <= number("max_us"), "{told}");
+        // A sample through two shared caches takes no less than a tenth of a microsecond.
+        assert!(number("p50_us") > 0.1, "{told}");
+    }
     let is_bad = findings.iter().any(|f| f["state"] == "bad");
     assert_eq!(output.status.code(), Some(i32::from(is_bad)));
     assert_eq!(told["fit"], !is_bad);
