@@ -4,7 +4,8 @@
 use pkm_diagnose::{Diagnosis, Settings, diagnose};
 use pkm_dyn::effects::{Applied, Robot};
 use pkm_dyn::urdf::{Description, parse};
-use pkm_ident::{Recording, identified, identify};
+use pkm_ident::refine::identified;
+use pkm_ident::{Recording, identify};
 use pkm_sim::Scenario;
 
 fn shipped(name: &str) -> Description {

@@ -171,7 +171,7 @@ fn normal(draw: &mut Draw) -> f64 {
     (0..12).map(|_| draw.uniform(-0.5..0.5)).sum()
 }
 
-/// Ten seconds of `truth` as its equations have them, its drives straining each other besides, with white noise of `noise` newtons.
+/// Half a minute of `truth` as its equations have them, its drives straining each other besides, with white noise of `noise` newtons.
 fn made(truth: &Model, noise: f64, draw: &mut Draw) -> Recording {
     let drawn = Reference::draw(truth, &ReferenceOptions { seed: 5, period_s: 5.0, amplitude: 0.6 }).expect("a motion");
     let motion = Consistent::try_new(truth, Box::new(drawn)).expect("loops close");
@@ -179,7 +179,7 @@ fn made(truth: &Model, noise: f64, draw: &mut Draw) -> Recording {
     motion.at(0.0, &mut s);
     assert!(assemble(truth, &mut data).is_closed && walk_to(truth, &mut data, &s.q).is_closed);
     let (mut q, mut tau) = (vec![Vec::new(); 4], vec![Vec::new(); 4]);
-    for i in 0..2000 {
+    for i in 0..6000 {
         let t = 5e-3 * f64::from(i);
         out.time.push(t);
         motion.at(t, &mut s);

@@ -181,6 +181,19 @@ impl Design {
         (first..self.columns.len()).collect()
     }
 
+    /// Whether most of the rows in which a joint moves have a standstill within the filter's reach. A lag or delay is then sought in these as
+    /// well, to first order; where clean rows abound, the first order would only bend what they say.
+    pub(crate) fn is_seldom_clean(&self, joint: usize) -> bool {
+        let (mut clean, mut moving) = (0_usize, 0_usize);
+        for rows in &self.rows {
+            for i in (0..rows.time.len()).filter(|&i| rows.valid[i] && rows.moving[joint][i]) {
+                moving += 1;
+                clean += usize::from(rows.clean[joint][i]);
+            }
+        }
+        2 * clean < moving
+    }
+
     /// A raw series of a joint, filtered with its standstill cut out, on the fine grid.
     pub(crate) fn without_standstill(&self, segment: usize, joint: usize, raw: &[f64]) -> Vec<f64> {
         let cut: Vec<f64> = raw.iter().zip(&self.still[segment][joint]).map(|(x, still)| if *still { 0.0 } else { *x }).collect();

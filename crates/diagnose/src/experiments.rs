@@ -252,6 +252,10 @@ fn two_digits(x: f64) -> f64 {
 
 /// A motion found for these two effects; none where they are no efforts at joints, or no motion is found.
 fn optimised(work: &Work, f: &Finding, alias: &EffectAt, now: &Segment) -> Option<(String, Segment)> {
+    // Of surplus drives only the leading ones are drawn; the others would have to be found from the loops.
+    if work.design.is_shared() {
+        return None;
+    }
     let model = &work.robot.model;
     let parameters: Vec<(String, f64)> = f.parameters.iter().map(|(n, e)| (n.clone(), e.value)).collect();
     let own = Applied::try_new(model, &f.effect, f.place.first()?, &parameters).ok()?;

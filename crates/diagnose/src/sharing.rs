@@ -9,6 +9,7 @@
 //! interval that comes from leaving out blocks, or from null runs whose joints keep their phases, is right as it is.
 
 use pkm_dyn::math;
+use pkm_ident::filter::LowPass;
 
 use crate::design::Series;
 use crate::motion::Motion;
@@ -120,11 +121,14 @@ pub(crate) fn evidence(work: &Work) -> Option<InternalEffort> {
     let mut sum = vec![0.0; work.design.n_drives];
     for m in work.motions {
         let s = &m.segment;
-        let series: Series = s.tau.iter().cloned().enumerate().collect();
+        // Below the band only: noise of the sensors strains nothing.
+        let filter = LowPass::new(s.band, s.dt);
+        let tau: Vec<Vec<f64>> = s.tau.iter().map(|x| filter.apply(x)).collect();
+        let series: Series = tau.iter().cloned().enumerate().collect();
         let moved = spread(&m.moves, &series);
         for i in (0..s.valid.len()).filter(|&i| s.valid[i]) {
             n += 1;
-            for (k, tau) in s.tau.iter().enumerate() {
+            for (k, tau) in tau.iter().enumerate() {
                 let strain = tau[i] - moved[k].1[i];
                 (square, all) = (square + strain * strain, all + tau[i] * tau[i]);
                 (sum[k], top[k]) = (sum[k] + strain, f64::max(top[k], strain.abs()));

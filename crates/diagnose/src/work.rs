@@ -304,9 +304,11 @@ impl<'w> Work<'w> {
     pub(crate) fn refresh_chain(&mut self, models: &[(Vec<ColumnId>, Mat<f64>, usize)], band: f64) {
         let chain: Vec<usize> = (0..self.candidates.len()).filter(|&c| self.candidates[c].effect.family() == Family::Chain).collect();
         // Rows of surplus drives are sums over several chains: theirs are sought on clean rows only.
+        let seldom_clean: Vec<bool> = (0..self.design.n_drives).map(|j| self.design.is_seldom_clean(j)).collect();
         let alone = if self.design.is_shared() { &[] } else { models };
         for (ids, theta, softness) in alone {
-            for j in chain.iter().map(|&c| self.candidates[c].scope[0]) {
+            let drives: Vec<usize> = chain.iter().map(|&c| self.candidates[c].scope[0]).collect();
+            for j in drives.into_iter().filter(|&j| seldom_clean[j]) {
                 self.design.late[*softness][j] = self.late(j, ids, theta, *softness);
             }
         }
@@ -319,7 +321,9 @@ impl<'w> Work<'w> {
             for (ids, theta, softness) in models {
                 let acting = self.acting(drive, ids, theta, *softness);
                 for (plain, values) in self.chain_shapes(c, &acting, band) {
-                    let pair = Pair { plain, cut: self.design.late[*softness][drive].clone() };
+                    let late = &self.design.late[*softness][drive];
+                    let cut = if late.is_empty() { plain.iter().map(|x| vec![0.0; x.len()]).collect() } else { late.clone() };
+                    let pair = Pair { plain, cut };
                     let id = self.design.put_fine(old.pop(), drive, pair);
                     variants.push(Variant { values, softness: Some(*softness), columns: vec![id], prior: vec![f64::INFINITY], n_own: 1 });
                 }

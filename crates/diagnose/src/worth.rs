@@ -7,7 +7,7 @@ use crate::columns::Family;
 use crate::design::ColumnId;
 use crate::work::{Candidate, Variant, Work};
 
-/// Size of a candidate in a shape, as a share of the effort of the joints it acts on, with the fitted coefficients by column.
+/// Size of a candidate in a shape, as a share of the effort of the joint that feels it most, with the fitted coefficients by column.
 pub(crate) fn size(work: &Work, candidate: usize, variant: &Variant, coefficient: &dyn Fn(ColumnId) -> f64) -> f64 {
     let c = &work.candidates[candidate];
     // Of a lag or delay the fit holds only what the chain does not have yet.
@@ -31,8 +31,8 @@ pub(crate) fn of_columns(work: &Work, c: &Candidate, variant: &Variant, coeffici
         let offset = work.standard.offset.get(j).copied().filter(|id| is_offset(id) && variant.columns.contains(id));
         squared_at(work, j, &own, offset)
     };
-    let parts = work.kinds_of_rows(&c.scope);
-    parts.iter().map(|part| work.of_effort(part.iter().map(|&j| squared(j)).sum(), part)).fold(0.0, f64::max)
+    // Where it is felt most: rows of a joint weigh the less the more is left there, and what is left is the effect itself.
+    c.scope.iter().map(|&j| work.of_effort(squared(j), &[j])).fold(0.0, f64::max)
 }
 
 /// Weighted squared length at one joint of a sum of columns, less what the constant `offset` would do as well.

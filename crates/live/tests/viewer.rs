@@ -96,9 +96,10 @@ fn a_viewer_sees_what_is_recorded_thinned_out() {
     let mut viewer = Viewer::connect(live.port());
     let info = viewer.told();
     assert_eq!((&info["op"], info["name"].as_str().unwrap().starts_with("pkm ")), (&"serverInfo".into(), true), "{info}");
-    let topics = viewer.advertised(6);
+    let topics = viewer.advertised(7);
     let names: Vec<&str> = topics.keys().map(String::as_str).collect();
-    let wanted = ["/joint_commands", "/joint_reference_accelerations", "/joint_references", "/joint_states", "/pkm/cycle", "/wrench/foot"];
+    let joints = ["/joint_commands", "/joint_reference_accelerations", "/joint_references", "/joint_states"];
+    let wanted = [&joints[..], &["/pkm/control", "/pkm/cycle", "/wrench/foot"]].concat();
     assert_eq!(names, wanted);
     let states = &topics["/joint_states"];
     assert_eq!((&states["encoding"], &states["schemaEncoding"]), (&"cdr".into(), &"ros2msg".into()));
@@ -141,7 +142,7 @@ fn a_viewer_sees_what_is_recorded_thinned_out() {
 fn nobody_waits_for_a_viewer_and_the_oldest_are_dropped() {
     let live = Live::start(&layout(), &Options { every_ns: 1, queue: 10, ..any_port() }).unwrap();
     let mut viewer = Viewer::connect(live.port());
-    let topics = viewer.advertised(6);
+    let topics = viewer.advertised(7);
     viewer.subscribe(1, &topics["/pkm/cycle"]);
     // The viewer reads nothing while a minute of a fast loop passes.
     let mut tap = live.tap();
@@ -177,5 +178,5 @@ fn a_port_in_use_is_told_and_viewers_may_come_and_go() {
     }
     let mut polite = Viewer::connect(live.port());
     assert_eq!(polite.told()["op"], "serverInfo");
-    assert_eq!(polite.advertised(6).len(), 6);
+    assert_eq!(polite.advertised(7).len(), 7);
 }

@@ -263,7 +263,6 @@ fn start_log(verbose: u8) {
         .with_ansi(out::takes_colour(&std::io::stderr()))
         .without_time()
         .with_target(false)
-        .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
         .init();
 }
 

@@ -185,7 +185,7 @@ fn a_robot_with_a_surplus_drive_follows_and_its_drives_share_the_weight() {
         assert!(rms(told[&format!("tau.{joint}")].iter().copied()) > 0.1);
     }
     // Without a world of sensors it is simulated as well, and what it recorded can be diagnosed and identified.
-    prints(folder.path(), &["simulate", "ups4", "--duration", "12", "--rate", "200", "--out", "B.csv", "--quiet"]);
+    prints(folder.path(), &["simulate", "ups4", "--duration", "24", "--rate", "200", "--out", "B.csv", "--quiet"]);
     prints(folder.path(), &["diagnose", "ups4", "--recording", "B.csv", "--json", "out.json", "--no-replay", "--quiet"]);
     let verdict: serde_json::Value = serde_json::from_str(&fs::read_to_string(folder.path().join("out.json")).unwrap()).unwrap();
     assert_eq!((&verdict["status"], &verdict["nothing_missing"]), (&"ok".into(), &true.into()), "{}", verdict["says"]);
