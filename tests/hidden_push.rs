@@ -47,9 +47,12 @@ fn a_push_is_named_with_its_times_and_its_force() {
     }
 }
 
+/// Robot, effect, place and numbers.
+type Case<'c> = (&'c str, &'c str, &'c str, &'c [(&'c str, f64)]);
+
 #[test]
 fn what_stays_is_no_push() {
-    let cases: [(&str, &str, &str, &[(&str, f64)]); 3] = [
+    let cases: [Case; 3] = [
         ("prs3", "payload", "platform", &[("mass", 1.5)]),
         ("prs3", "limb_impedance", "platform", &[("stiffness", 700.0), ("damping", 40.0)]),
         ("serial_arm", "spring", "j2", &[("stiffness", 20.0), ("rest", 0.3)]),

@@ -114,11 +114,11 @@ fn assert_complete(verdict: &Value) {
 }
 
 /// Whether a number that JSON has no word for became nothing somewhere.
-fn holds_null(value: &serde_json::Value) -> bool {
+fn holds_null(value: &Value) -> bool {
     match value {
-        serde_json::Value::Null => true,
-        serde_json::Value::Array(all) => all.iter().any(holds_null),
-        serde_json::Value::Object(all) => all.values().any(holds_null),
+        Value::Null => true,
+        Value::Array(all) => all.iter().any(holds_null),
+        Value::Object(all) => all.values().any(holds_null),
         _ => false,
     }
 }
