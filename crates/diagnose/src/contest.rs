@@ -366,7 +366,7 @@ fn read(work: &Work, s: &Score, grounds: &[Ground], settings: &Settings) -> Resu
 
 /// Share of an effect's power below which what shows of it is the error of its own column: filters and derivatives are right to some percent of
 /// amplitude.
-const SHOWN: f64 = 1e-3;
+pub(crate) const SHOWN: f64 = 1e-3;
 
 /// Share of the squared length of the candidate's own part that the ground cannot imitate.
 fn shown_share(work: &Work, ground: &Ground, own: &[ColumnId], coefficient: &dyn Fn(ColumnId) -> f64) -> f64 {

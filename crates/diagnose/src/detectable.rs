@@ -5,6 +5,7 @@ use pkm_dyn::math;
 use pkm_dyn::model::JointKind;
 
 use crate::columns::Family;
+use crate::contest::SHOWN;
 use crate::design::ColumnId;
 use crate::isolability::projected;
 use crate::settings::Settings;
@@ -13,9 +14,6 @@ use crate::work::{Candidate, Variant, Work};
 
 /// Standard deviations a coefficient must stand out by; the search's own threshold over all candidates is of this order.
 const SIGMAS: f64 = 3.0;
-
-/// What survives of a column below this share of its squared length is rounding.
-const ROUNDING: f64 = 1e-6;
 
 /// Weighted squared error of one joint over the fitted rows.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -92,7 +90,10 @@ fn entry(work: &Work, c: &Candidate, parameter: &'static str, value: f64) -> Det
     };
     let unit = entry.parameters.iter().find(|p| p.name == parameter).map_or("", |p| p.unit.text(kind));
     let shown = if unit == "1" { String::new() } else { format!(" {unit}") };
-    let says = format!("{} at {}: less than {}{shown} of {parameter} cannot be seen", c.effect_name(), c.name, two_digits(value));
+    // Of a stiffness it is the large ones that nobody sees.
+    let is_inverse = c.effect.smallest(2.0).zip(c.effect.smallest(1.0)).is_some_and(|(twice, once)| twice < once);
+    let side = if is_inverse { "more" } else { "less" };
+    let says = format!("{} at {}: {side} than {}{shown} of {parameter} cannot be seen", c.effect_name(), c.name, two_digits(value));
     Detectable {
         effect: c.effect_name().to_string(),
         place: c.places(&work.robot.model),
@@ -129,7 +130,7 @@ fn strengths(work: &Work, candidate: usize, v: &Variant) -> Vec<(&'static str, S
         let d: Vec<f64> = d.iter().zip(own).map(|(d, &id)| if work.gram.scale[id] > 0.0 { d / work.gram.scale[id] } else { 0.0 }).collect();
         let strength: f64 = (0..d.len()).flat_map(|i| (0..d.len()).map(move |j| (i, j))).map(|(i, j)| d[i] * left[(i, j)] * d[j]).sum();
         let whole: f64 = d.iter().zip(&raw).map(|(d, raw)| d * d * raw).sum();
-        Strength { beside: if strength > ROUNDING * whole { strength } else { 0.0 }, whole: felt }
+        Strength { beside: if strength > SHOWN * whole { strength } else { 0.0 }, whole: felt }
     };
     probes(work, &work.candidates[candidate], v).into_iter().map(|p| (p.parameter, of(&p.direction))).collect()
 }

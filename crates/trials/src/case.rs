@@ -212,11 +212,9 @@ pub fn make(wish: &Wish) -> Result<Case, RobotError> {
     }
     let bench = Bench::new(&base, &noise, &references, &silent, wish)?;
     let scene = Scene { plant: &base.plant, facts: &facts, speeds: &speeds(&silent[0]) };
-    let concealed = bench.conceal(wish, &scene, &mut random)?;
-    let has_patient = wish.level == Level::L7 && random.chance(0.5);
+    let (concealed, has_patient, traces) = conceal(wish, (&base, &references), (&bench, &scene), &mut random)?;
     let noise = noise.times(wish.noise);
     let mut stream = Stream::new(wish.seed, wish.number, "sensors");
-    let traces = perform((&base, &references), (wish, &concealed), has_patient.then_some(&facts[0]), &mut random)?;
     let mut taken: Vec<Recording> = traces.iter().map(|t| noise.record(t, &mut stream)).collect();
     let knowing = base.plant.weighing(base.machine.plant.robot.clone());
     let judged = run(&base.machine, &references[HOLDOUT])?;
@@ -245,6 +243,29 @@ pub fn make(wish: &Wish) -> Result<Case, RobotError> {
         floor,
     };
     Ok(Case { files: files(wish, &robot, &taken, &concealed)?, answer })
+}
+
+/// Draws of something to conceal that the robot may fail to move with, at most.
+const DRAWS: usize = 5;
+
+/// What is concealed, whether a patient moves, and the recordings' motions with it. What suits two motions may be too much for the third, whose
+/// loops then do not close: something else is drawn in its place.
+fn conceal(
+    wish: &Wish,
+    (base, references): (&Base, &[Reference]),
+    (bench, scene): (&Bench<'_>, &Scene<'_>),
+    random: &mut Stream,
+) -> Result<(Vec<Found>, bool, Vec<Trace>), RobotError> {
+    let mut draws = 1;
+    loop {
+        let concealed = bench.conceal(wish, scene, random)?;
+        let has_patient = wish.level == Level::L7 && random.chance(0.5);
+        match perform((base, references), (wish, &concealed), has_patient.then_some(&scene.facts[0]), random) {
+            Ok(traces) => return Ok((concealed, has_patient, traces)),
+            Err(problem) if draws == DRAWS => return Err(problem),
+            Err(_) => draws += 1,
+        }
+    }
 }
 
 /// The recordings' motions with everything concealed.
