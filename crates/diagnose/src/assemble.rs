@@ -23,7 +23,7 @@ use crate::repeatable::look_for_a_person;
 use crate::search::Search;
 use crate::settings::{PRIORS, Settings};
 use crate::variety::different_motions;
-use crate::verdict::{EffectAt, Estimate, Finding, Heldout, HeldoutJoint, SCHEMA, Status, Verdict};
+use crate::verdict::{EffectAt, Estimate, Finding, Heldout, HeldoutJoint, InternalEffort, SCHEMA, Status, Verdict};
 use crate::work::Work;
 use crate::{experiments, gate, picture, priors, sharing};
 
@@ -85,6 +85,7 @@ pub(crate) fn assemble(
     let unexplained = leftover.verdict;
     let (minimum_detectable, invisible) = detectable(work, &left_power(work, &moving), settings);
     let nothing_missing = findings.is_empty() && !unexplained.present;
+    let strain = sharing::evidence(work);
     let mut verdict = Verdict {
         schema: SCHEMA.to_string(),
         status: Status::Ok,
@@ -99,10 +100,10 @@ pub(crate) fn assemble(
         invisible,
         ruled_out: evidence.ruled_out.iter().filter(|s| s.gain.is_finite() && s.surprise.is_finite()).take(TOLD).cloned().collect(),
         isolability: isolability(work),
-        internal_effort: sharing::evidence(work),
+        notes: notes(work, fin.motions, strain.as_ref()),
+        internal_effort: strain,
         replay: Vec::new(),
         refined_model: String::new(),
-        notes: notes(work, fin.motions),
     };
     look_for_a_person(work, &fin.left, (&mut verdict, &mut refined), settings);
     Diagnosis { verdict, evidence, refined: Some(refined) }
@@ -336,8 +337,8 @@ fn summary(findings: &[Finding], left: &str, h: &Heldout) -> String {
     }
 }
 
-fn notes(work: &Work, motions: usize) -> Vec<String> {
-    let mut out: Vec<String> = sharing::evidence(work).map(|e| e.says).into_iter().collect();
+fn notes(work: &Work, motions: usize, strain: Option<&InternalEffort>) -> Vec<String> {
+    let mut out: Vec<String> = strain.map(|e| e.says.clone()).into_iter().collect();
     for m in work.motions {
         let s = &m.segment;
         let gone = s.valid.iter().filter(|v| !**v).count();

@@ -303,12 +303,13 @@ impl<'w> Work<'w> {
     /// Makes the chain candidates' columns from the fitted models, one model per softness: (columns, coefficients, softness).
     pub(crate) fn refresh_chain(&mut self, models: &[(Vec<ColumnId>, Mat<f64>, usize)], band: f64) {
         let chain: Vec<usize> = (0..self.candidates.len()).filter(|&c| self.candidates[c].effect.family() == Family::Chain).collect();
+        // A drive has a lag and a delay to choose from, and one rate for both.
+        let has_chain = |j: &usize| chain.iter().any(|&c| self.candidates[c].scope[0] == *j);
+        let drives: Vec<usize> = (0..self.design.n_drives).filter(has_chain).filter(|&j| self.design.is_seldom_clean(j)).collect();
         // Rows of surplus drives are sums over several chains: theirs are sought on clean rows only.
-        let seldom_clean: Vec<bool> = (0..self.design.n_drives).map(|j| self.design.is_seldom_clean(j)).collect();
         let alone = if self.design.is_shared() { &[] } else { models };
         for (ids, theta, softness) in alone {
-            let drives: Vec<usize> = chain.iter().map(|&c| self.candidates[c].scope[0]).collect();
-            for j in drives.into_iter().filter(|&j| seldom_clean[j]) {
+            for &j in &drives {
                 self.design.late[*softness][j] = self.late(j, ids, theta, *softness);
             }
         }
