@@ -2,13 +2,15 @@
 
 use pkm_dyn::math;
 
+use crate::chain::refine_chain;
 use crate::columns::Family;
 use crate::contest::{own_columns, reading};
 use crate::design::ColumnId;
 use crate::final_fit::student_95;
 use crate::gram::Cross;
+use crate::prove::drop_pick;
 use crate::screen::{self, Base};
-use crate::search::{drop_pick, is_possible, picked_error, refine_chain};
+use crate::search::{is_possible, picked_error};
 use crate::settings::{ALIAS_SHARE, LOOK_ALIKE_SHARE, PRIORS, WEAK_ALIAS_SHARE};
 use crate::solve::Over;
 use crate::verdict::{EffectAt, LookAlike};

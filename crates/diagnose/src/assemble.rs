@@ -105,7 +105,7 @@ pub(crate) fn assemble(
         replay: Vec::new(),
         refined_model: String::new(),
     };
-    look_for_a_person(work, &fin.left, (&mut verdict, &mut refined), settings);
+    look_for_a_person(work, &moving, (&mut verdict, &mut refined), settings);
     Diagnosis { verdict, evidence, refined: Some(refined) }
 }
 
@@ -128,18 +128,20 @@ fn finish(work: &Work) -> Final {
             let half = jackknife_half_width(&spread);
             // Too few blocks for an interval: all that can be said is the order of magnitude.
             let half = if half.is_finite() { half } else { value.abs() };
-            let unit = entry.parameters.iter().find(|p| p.name == name).map_or("", |p| p.unit.text(explain::kind(work, i)));
+            let unit = explain::unit(work, i, name);
             let tried = match (entry.name, name) {
                 (_, name) if TRIED.contains(&name) => tried_interval(work, i, value),
                 // What was tried is how far the joint gives: its level over its stiffness.
                 ("friction_presliding", "stiffness") => {
                     let level = p.variant.values[0] * value;
-                    tried_interval(work, i, p.variant.values[0]).map(|[least, most]| [level / most, level / least.max(f64::MIN_POSITIVE)])
+                    let tried = tried_interval(work, i, p.variant.values[0]);
+                    // Below the smallest that was tried the stiffness is open: as far above as the interval of the level is wide.
+                    tried.map(|[least, most]| [level / most, level / least.max(0.5 * p.variant.values[0])])
                 }
                 _ => None,
             };
             let ci95 = tried.unwrap_or([value - half, value + half]);
-            map.insert(name.to_string(), Estimate { value, ci95, unit: unit.to_string() });
+            map.insert(name.to_string(), Estimate { value, ci95, unit });
         }
         readings.push(values);
         estimates.push(map);
@@ -300,7 +302,7 @@ fn evidence(work: &Work, fin: &Final, (nominal, steps, found): (&Left, &[Step], 
             continue;
         }
         let why_not = if s.why_not.is_empty() { "did not hold on held-out data".to_string() } else { s.why_not.clone() };
-        let wins = [s.wins, work.design.n_folds];
+        let wins = [s.tally.wins, work.design.n_folds];
         let (effect, gain, surprise) = (c.effect_name().to_string(), s.gain, s.surprise);
         ruled_out.push(Screened { effect, place, gain, surprise, wins, why_not });
     }

@@ -1,43 +1,50 @@
 //! The confirm set, read once: every pick must help on held-out data more than chance would.
 
 use crate::columns::Family;
+use crate::columns::external_force::{acts_in_fitted_only, in_fitted_only};
 use crate::contest::{mean_and_sd, own_columns, surrogates};
 use crate::design::View;
+use crate::prove::{chain_held_out_gain, drop_pick};
 use crate::screen::{self, Base};
-use crate::search::drop_pick;
 use crate::settings::Settings;
-use crate::work::Work;
+use crate::work::{Pick, Work};
 
 /// Drops picks that do not help on held-out rows; the others keep their p-value.
 ///
 /// All picks are tested in one look and dropped together: a test repeated after every drop would look at the held-out rows as often as
 /// something fails. The p-values are family-wise over the picks, from the largest surprise among them in each null run.
-pub(crate) fn confirm(work: &mut Work, band: f64, settings: &Settings) {
+pub(crate) fn confirm(work: &mut Work, band: f64, settings: &Settings, level: f64) {
     let judged = judge(work, settings);
     let p_values = family_wise(&judged, settings.null_runs);
     for i in (0..work.picks.len()).rev() {
         let (Some(p), Some((gain, _))) = (p_values[i], &judged[i]) else { continue };
         work.picks[i].p_confirm = p;
-        if (p > settings.confirm_level || *gain <= 0.0) && !stays_in_fitted_only(work, i, settings) {
+        if (p > level || *gain <= 0.0) && !stays_in_fitted_only(work, i, settings) {
             drop_pick(work, i, band);
         }
     }
 }
 
-/// Puts the shape in place that did not act in recordings that are only judged on, where a pick has one and the search alone is sure enough:
-/// a push on somebody's arm need not come back in another recording. Nothing confirms it then, and its p-value says so.
+/// Puts the shape in place that did not act in recordings that are only judged on, where a pick has one and the search alone is sure enough.
 fn stays_in_fitted_only(work: &mut Work, pick: usize, settings: &Settings) -> bool {
     let p = &work.picks[pick];
-    let Some(values) = crate::columns::external_force::in_fitted_only(&p.variant.values) else { return false };
+    let is_so_already = work.candidates[p.candidate].effect_name() == "external_force" && acts_in_fitted_only(&p.variant.values);
+    let twin = if is_so_already { Some(Pick { p_confirm: 1.0, ..p.clone() }) } else { fitted_only(work, p, settings) };
+    twin.map(|twin| work.picks[pick] = twin).is_some()
+}
+
+/// The pick as one that did not act in recordings that are only judged on, if there is such a shape and the search alone is sure enough: a push on
+/// somebody's arm need not come back in another recording. Nothing confirms it then, and its p-value says so.
+pub(crate) fn fitted_only(work: &Work, p: &Pick, settings: &Settings) -> Option<Pick> {
     let c = &work.candidates[p.candidate];
     if c.effect_name() != "external_force" || p.p_search > settings.confirm_level {
-        return false;
+        return None;
     }
+    let values = in_fitted_only(&p.variant.values)?;
     let distance = |v: &crate::work::Variant| (v.values[0] - values[0]).abs() + (v.values[1] - values[1]).abs();
     let twins = c.variants.iter().filter(|v| v.values[2] >= values[2]);
-    let Some(twin) = twins.min_by(|a, b| distance(a).total_cmp(&distance(b))).cloned() else { return false };
-    (work.picks[pick].variant, work.picks[pick].p_confirm) = (twin, 1.0);
-    true
+    let variant = twins.min_by(|a, b| distance(a).total_cmp(&distance(b)))?.clone();
+    Some(Pick { variant, p_confirm: 1.0, ..p.clone() })
 }
 
 /// A pick's held-out gain, and what it gains in each null run; `None` where it has no column of its own.
@@ -88,7 +95,7 @@ fn judge(work: &mut Work, settings: &Settings) -> Vec<Judged> {
                 let each = parts.iter().zip(&of_part).map(|(part, g)| g.scope[0][t] / base.over(part, t).max(f64::MIN_POSITIVE));
                 each.fold(f64::NEG_INFINITY, f64::max)
             };
-            let own_gain = if whole { crate::search::chain_held_out_gain(work, i) } else { gain(0) };
+            let own_gain = if whole { chain_held_out_gain(work, i) } else { gain(0) };
             Some((own_gain, (1..=settings.null_runs).map(gain).collect()))
         })
         .collect()

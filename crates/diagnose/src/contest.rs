@@ -4,14 +4,14 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use crate::columns;
+use crate::columns::{self, Family};
 use crate::design::{ColumnId, View};
 use crate::gram::{Cross, Targets};
 use crate::isolability::projected;
 use crate::screen::{self, Base};
 use crate::settings::Settings;
 use crate::solve::{Over, products};
-use crate::wins::wins;
+use crate::wins::{Tally, tally};
 use crate::work::{Candidate, Pick, Variant, Work};
 use crate::worth::size;
 
@@ -36,7 +36,7 @@ pub(crate) struct Score {
     /// Logarithm of the ratio of errors without and with it, in standard deviations of the same in null runs, above their mean.
     pub(crate) surprise: f64,
     /// Folds in which it helped.
-    pub(crate) wins: usize,
+    pub(crate) tally: Tally,
     /// Why it was not accepted; empty when it could be.
     pub(crate) why_not: String,
     /// Whether its size is all that speaks against it.
@@ -52,7 +52,7 @@ pub(crate) struct Trial {
     ground: usize,
     taken: f64,
     gain: f64,
-    wins: usize,
+    tally: Tally,
 }
 
 /// The outcome of one decision.
@@ -192,11 +192,11 @@ impl Arena<'_> {
         let nulls = (0..self.null_best.len()).map(|b| share(&self.bases[self.null_best[b]], [n_real + b; 2])).collect();
         let g = &parts.first()?.1;
         let taken = best_base.total(self.best_ground) - base.total(i) + sum(&g.all, i);
-        let won = |f: usize| fold_taken(self.bases, self.best_ground, i, f) + g.all[f][i] > 0.0;
-        let wins = wins(&self.work.gram, &own, &won);
+        let taken_from_fold = |f: usize| fold_taken(self.bases, self.best_ground, i, f) + g.all[f][i];
+        let tally = tally(&self.work.gram, &own, &taken_from_fold);
         let real = [self.best_ground, i];
         let gain = share(best_base, real);
-        Some((Trial { variant: variant.clone(), ground: i, taken, gain, wins }, nulls))
+        Some((Trial { variant: variant.clone(), ground: i, taken, gain, tally }, nulls))
     }
 }
 
@@ -216,8 +216,8 @@ const MAX_OTHERS: usize = 5;
 
 impl Score {
     fn of(candidate: usize, t: Trial, others: Vec<Trial>) -> Self {
-        let Trial { variant, ground, taken, gain, wins } = t;
-        Self { candidate, variant, ground, taken, gain, surprise: 0.0, wins, why_not: String::new(), is_small: false, others }
+        let Trial { variant, ground, taken, gain, tally } = t;
+        Self { candidate, variant, ground, taken, gain, surprise: 0.0, tally, why_not: String::new(), is_small: false, others }
     }
 
     /// Puts the next shape in place of the best one.
@@ -229,7 +229,7 @@ impl Score {
         // Surprise is in units of the same null runs, so it shrinks with the gain.
         self.surprise *= (log_ratio(t.gain) / log_ratio(self.gain)).clamp(0.0, 1.0);
         (self.variant, self.ground, self.taken) = (t.variant, t.ground, t.taken);
-        (self.gain, self.wins) = (t.gain, t.wins);
+        (self.gain, self.tally) = (t.gain, t.tally);
         true
     }
 }
@@ -245,33 +245,41 @@ pub(crate) fn own_columns(work: &Work, variant: &Variant, ground: &[ColumnId]) -
     new.map(|(&id, &sd)| (id, work.inverse_variance(id, sd))).unzip()
 }
 
-/// Null runs: what is left, with its spectrum kept and its phases drawn anew, the same for all joints of a recording.
+/// Null runs: what is left, turned round through its recording by a time drawn anew and with a sign drawn anew, the same for all joints of a
+/// recording.
+///
+/// Turning keeps all that chance is made of: the spectrum, what joints have in common, and that a joint which sticks errs in bursts at its
+/// reversals. It loses only what keeps time with this motion. Phases drawn at random would spread the bursts evenly, and a law that acts
+/// where they are would surprise too easily.
 pub(crate) fn surrogates(work: &Work, left: &[Vec<Vec<f64>>], settings: &Settings) -> Targets {
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
-    let phases: Vec<Vec<Vec<f64>>> = (0..settings.null_runs)
-        .map(|_| {
-            let draw = |rows: &crate::rows::Rows, rng: &mut ChaCha8Rng| {
-                (0..rows.time.len() / 2 + 1).map(|_| core::f64::consts::TAU * rng.random::<f64>()).collect()
-            };
-            work.design.rows.iter().map(|rows| draw(rows, &mut rng)).collect()
-        })
-        .collect();
-    phases
-        .par_iter()
-        .map(|phases| {
-            left.iter().map(|joint| joint.iter().zip(phases).map(|(x, p)| pkm_ident::spectrum::phase_randomised(x, p)).collect()).collect()
-        })
-        .collect()
+    let mut turn = |rows: &crate::rows::Rows| (rng.random::<f64>() * rows.time.len() as f64, rng.random::<bool>());
+    let turns: Vec<Vec<(f64, bool)>> = (0..settings.null_runs).map(|_| work.design.rows.iter().map(&mut turn).collect()).collect();
+    turns.par_iter().map(|turns| left.iter().map(|joint| joint.iter().zip(turns).map(turned).collect()).collect()).collect()
+}
+
+/// A series turned round by a number of samples, its sign changed where asked for.
+fn turned((x, &(by, is_flipped)): (&Vec<f64>, &(f64, bool))) -> Vec<f64> {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of the length of a series")]
+    let by = (by as usize).min(x.len());
+    let sign = if is_flipped { -1.0 } else { 1.0 };
+    x[by..].iter().chain(&x[..by]).map(|x| sign * x).collect()
 }
 
 /// The first candidate, best first, that is real, worth having and physical; the reasons of those before it are noted.
 pub(crate) fn decide(work: &Work, contest: &mut Contest, grounds: &[Ground], settings: &Settings) -> Option<Pick> {
-    let threshold = contest.threshold(settings.search_level);
-    let n_folds = work.gram.n_filled();
-    let needed = (3 * n_folds).div_ceil(4);
+    let bar = Bar {
+        threshold: contest.threshold(settings.search_level),
+        sure: contest.threshold(settings.confirm_level),
+        n_folds: work.gram.n_filled(),
+    };
     for s in &mut contest.scores {
+        let is_ordinary = matches!(work.candidates[s.candidate].effect.family(), Family::Standard | Family::Shift);
         loop {
-            s.why_not = objection(s, settings, threshold, (needed, n_folds));
+            s.why_not = objection(s, settings, &bar, is_ordinary);
+            if let Some(simpler) = s.variant.limit.filter(|_| s.why_not.is_empty()) {
+                s.why_not = format!("fits best where it is {simpler}");
+            }
             if !s.why_not.is_empty() {
                 break;
             }
@@ -287,7 +295,7 @@ pub(crate) fn decide(work: &Work, contest: &mut Contest, grounds: &[Ground], set
     let s = simplest(work, contest, first);
     let p_search = contest.p_value(contest.scores[s].surprise);
     let s = &contest.scores[s];
-    Some(Pick { candidate: s.candidate, variant: s.variant.clone(), p_search, p_confirm: 1.0, wins: s.wins })
+    Some(Pick { candidate: s.candidate, variant: s.variant.clone(), p_search, p_confirm: 1.0, wins: s.tally.wins })
 }
 
 /// What explains less than something real that is too small for a name, at the same joints, has no better claim to one: a scale fits a small
@@ -305,8 +313,19 @@ fn stand_aside(work: &Work, scores: &mut [Score]) {
     }
 }
 
+/// What a candidate must reach.
+struct Bar {
+    /// Surprise of the search, and of a search that is sure by itself.
+    threshold: f64,
+    sure: f64,
+    n_folds: usize,
+}
+
 /// Why the numbers do not support a candidate; empty when they do.
-fn objection(s: &Score, settings: &Settings, threshold: f64, (needed, n_folds): (usize, usize)) -> String {
+///
+/// Ordinary parameters act wherever the robot moves and must help in most blocks. Play, dead zones, obstacles and pushes act at some moments and
+/// do nothing between: helping where they act is enough for them, where the search alone is sure.
+fn objection(s: &Score, settings: &Settings, &Bar { threshold, sure, n_folds }: &Bar, is_ordinary: bool) -> String {
     if s.gain <= settings.floor {
         let (gain, floor) = (100.0 * s.gain, 100.0 * settings.floor);
         return format!("would take away {gain:.1} % of the squared error, less than the {floor:.0} % worth naming");
@@ -314,8 +333,9 @@ fn objection(s: &Score, settings: &Settings, threshold: f64, (needed, n_folds): 
     if s.surprise <= threshold {
         return format!("its gain of {:.1} % is {:.1} sigma above chance, and null runs reach {threshold:.1}", 100.0 * s.gain, s.surprise);
     }
-    if s.wins < needed {
-        return format!("helps in {} of {n_folds} blocks only", s.wins);
+    let is_enough = !is_ordinary && s.tally.is_steady && s.surprise > sure;
+    if s.tally.wins < (3 * n_folds).div_ceil(4) && !is_enough {
+        return format!("helps in {} of {n_folds} blocks only", s.tally.wins);
     }
     String::new()
 }

@@ -16,6 +16,21 @@ pub(crate) fn kind(work: &Work, pick: usize) -> JointKind {
     }
 }
 
+/// Unit of a pick's parameter.
+pub(crate) fn unit(work: &Work, pick: usize, parameter: &str) -> String {
+    let entry = work.candidates[work.picks[pick].candidate].effect.entry();
+    if is_of_the_effort_reading(work, pick) {
+        return format!("{}/s", kind(work, pick).unit_effort());
+    }
+    entry.parameters.iter().find(|p| p.name == parameter).map_or(String::new(), |p| p.unit.text(kind(work, pick)).to_string())
+}
+
+/// Whether it is the recorded effort that is wrong, and not the robot or its positions.
+pub(crate) fn is_of_the_effort_reading(work: &Work, pick: usize) -> bool {
+    let p = &work.picks[pick];
+    work.candidates[p.candidate].effect.is_of_the_effort_reading(&p.variant.values)
+}
+
 /// A number with three to four significant digits.
 pub(crate) fn number(x: f64) -> String {
     let a = x.abs();
@@ -68,7 +83,12 @@ pub(crate) fn sentence(
         PlaceKind::PassiveJoint => format!("At passive joint {}", c.name),
         _ => format!("At {}", c.places(&work.robot.model).join(" and ")),
     };
-    let mut out = format!("{place}, {}: {sizes}.", entry.sentence);
+    let sentence = if is_of_the_effort_reading(work, pick) {
+        entry.sentence.replacen("a reading", "the effort's reading", 1)
+    } else {
+        entry.sentence.to_string()
+    };
+    let mut out = format!("{place}, {sentence}: {sizes}.");
     let (b, a) = (100.0 * before, 100.0 * after);
     out += &format!(" Adding it takes the held-out error from {b:.1} % to {a:.1} % of the effort.");
     if !same.is_empty() {
@@ -102,7 +122,8 @@ pub(crate) fn equation(work: &Work, pick: usize, parameters: &BTreeMap<String, E
     let c = &work.candidates[p.candidate];
     let entry = c.effect.entry();
     let order: Vec<&str> = entry.parameters.iter().map(|p| p.name).collect();
-    let mut out = format!("{}; {}", entry.equation, values(parameters, &order).join(", "));
+    let law = if is_of_the_effort_reading(work, pick) { "recorded effort = effort + rate·t" } else { entry.equation };
+    let mut out = format!("{law}; {}", values(parameters, &order).join(", "));
     if p.variant.softness.is_some() && entry.name.starts_with("friction") && entry.name != "friction_viscous" {
         let width =
             crate::design::widths(work.robot, work.motions).iter().map(|segment| segment[work.softness][c.place]).fold(0.0, f64::max);

@@ -72,23 +72,30 @@ pub(crate) struct JointError {
 
 /// Errors per joint of what is left, over held-out rows, standstill included.
 pub(crate) fn errors(work: &Work, left: &[Vec<Vec<f64>>]) -> Vec<JointError> {
-    (0..work.design.n_drives)
-        .map(|j| {
-            let (mut e2, mut y2, mut n) = (0.0, 0.0, 0_usize);
-            for (s, rows) in work.design.rows.iter().enumerate() {
-                let measured = work.design.measured_rows(j, s, View::Judge);
-                for i in 0..rows.time.len() {
-                    if rows.valid[i] && rows.fold[i].is_none() {
-                        e2 += left[j][s][i] * left[j][s][i];
-                        y2 += measured[i] * measured[i];
-                        n += 1;
-                    }
-                }
+    errors_in(work, left, View::Judge)
+}
+
+/// The same where each joint moves, standstill cut out of what is left: friction of a joint that stands is whatever holds it.
+pub(crate) fn errors_in_motion(work: &Work, left: &[Vec<Vec<f64>>]) -> Vec<JointError> {
+    errors_in(work, left, View::Fit)
+}
+
+fn errors_in(work: &Work, left: &[Vec<Vec<f64>>], view: View) -> Vec<JointError> {
+    let rms_of = |j: usize| {
+        let (mut e2, mut y2, mut n) = (0.0, 0.0, 0_usize);
+        for (s, rows) in work.design.rows.iter().enumerate() {
+            let measured = work.design.measured_rows(j, s, view);
+            let counts = |i: usize| rows.valid[i] && rows.fold[i].is_none() && (view == View::Judge || rows.moving[j][i]);
+            for i in (0..rows.time.len()).filter(|&i| counts(i)) {
+                e2 += left[j][s][i] * left[j][s][i];
+                y2 += measured[i] * measured[i];
+                n += 1;
             }
-            let rms = |sum: f64| math::sqrt(sum / n.max(1) as f64);
-            JointError { effort: rms(y2), error: rms(e2) }
-        })
-        .collect()
+        }
+        let rms = |sum: f64| math::sqrt(sum / n.max(1) as f64);
+        JointError { effort: rms(y2), error: rms(e2) }
+    };
+    (0..work.design.n_drives).map(rms_of).collect()
 }
 
 /// The verdict's number: root mean square over joints of error over effort.

@@ -3,7 +3,7 @@
 use crate::contest::Contest;
 use crate::dependence::{Depends, curve, dependences, lines};
 use crate::evidence::{Dependence, Lines};
-use crate::final_fit::{JointError, errors, white_power};
+use crate::final_fit::{JointError, errors, errors_in_motion, white_power};
 use crate::rows::Rows;
 use crate::settings::{Settings, UNEXPLAINED_SHARE};
 use crate::verdict::Unexplained;
@@ -36,6 +36,7 @@ pub(crate) struct Views<'v> {
 /// that was refused.
 pub(crate) fn unexplained(work: &Work, views: &Views, last: &[Contest], settings: &Settings) -> Leftover {
     let (before, after) = (errors(work, views.nominal), errors(work, views.left));
+    let in_motion = errors_in_motion(work, views.moving);
     let depends = dependences(work, views.moving, settings);
     let mut places = Vec::new();
     let (mut sum_before, mut sum_after) = (0.0, 0.0);
@@ -48,9 +49,10 @@ pub(crate) fn unexplained(work: &Work, views: &Views, last: &[Contest], settings
             sum_after += after[j].error * after[j].error / scale;
         }
         let stays = power(&after[j]) > UNEXPLAINED_SHARE * UNEXPLAINED_SHARE * power(&before[j]) && power(&after[j]) > 0.0;
-        let is_shape =
-            after[j].error > LARGE * after[j].effort.max(f64::MIN_POSITIVE) && correlation(&work.design.rows, &views.left[j]) > COLOURED;
         let is_function = depends[j].iter().any(|d| is_plain(d, (before[j], after[j]), settings));
+        // A joint that sticks at its reversals leaves much there that no law of friction can tell: what has no name must stay where it moves.
+        let is_large = in_motion[j].error > LARGE * in_motion[j].effort.max(f64::MIN_POSITIVE);
+        let is_shape = is_large && correlation(&work.design.rows, &views.moving[j]) > COLOURED;
         if (stays && is_shape) || is_function {
             places.push(j);
         }

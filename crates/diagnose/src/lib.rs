@@ -8,6 +8,7 @@ extern crate alloc;
 
 mod alternatives;
 mod assemble;
+mod chain;
 mod channels;
 mod columns;
 mod commands;
@@ -37,6 +38,7 @@ mod picture;
 mod plan;
 mod predict;
 mod priors;
+mod prove;
 mod pushed;
 mod rank;
 mod refine;

@@ -1,11 +1,11 @@
 //! The order of findings and the held-out error as they are added one by one.
 
+use crate::chain::refine_chain;
 use crate::columns::Family;
 use crate::design::View;
 use crate::final_fit::{FinalFit, errors, left_as_given, pooled};
 use crate::refine::container;
 use crate::screen::Base;
-use crate::search::refine_chain;
 use crate::work::{Pick, Work};
 
 /// One step from the model as given to the final one.

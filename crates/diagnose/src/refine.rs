@@ -6,6 +6,7 @@ use pkm_dyn::parameters::{InertialParameters, N_INERTIAL, NAMES};
 
 use crate::design::ColumnId;
 use crate::evidence::Refined;
+use crate::explain::is_of_the_effort_reading;
 use crate::work::{Candidate, Work};
 
 /// Effects whose parameters a joint has anyway; the robot file may state them either way.
@@ -46,7 +47,7 @@ pub(crate) fn refine(work: &Work, bare: &Model, readings: &[Parameters], coeffic
     // Laws that contain others come last, so that they replace them.
     let mut order: Vec<usize> = (0..readings.len()).collect();
     order.sort_by_key(|&i| contains_friction(work.candidates[work.picks[i].candidate].effect_name()));
-    for &i in &order {
+    for &i in order.iter().filter(|&&i| !is_of_the_effort_reading(work, i)) {
         let c = &work.candidates[work.picks[i].candidate];
         put(work, &mut out, c, &readings[i]);
     }

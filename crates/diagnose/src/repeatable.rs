@@ -15,7 +15,6 @@ use pkm_dyn::{Data, loops, math};
 use crate::evidence::Refined;
 use crate::explain::number;
 use crate::final_fit::errors;
-use crate::final_fit::white_power;
 use crate::settings::Settings;
 use crate::verdict::{Compensation, EffectAt, Estimate, Finding, LookAlike, Status, Verdict};
 use crate::work::Work;
@@ -32,11 +31,11 @@ const ABOVE_NOISE: f64 = 4.0;
 /// Share of what is left that must be scatter.
 const MOSTLY: f64 = 0.5;
 
-/// Scatter worth a word, as a share of the effort.
-const WORTH: f64 = 0.02;
-
 /// Another link explains the scatter as well when it leaves less than so much more of it.
 const AS_WELL: f64 = 0.05;
+
+/// Scatter worth a word, as a share of the effort: drives and their amplifiers scatter by one or two percent on their own.
+const WORTH: f64 = 0.02;
 
 type Left = [Vec<Vec<f64>>];
 
@@ -54,10 +53,11 @@ struct Scatter {
     periods: usize,
 }
 
-/// Looks for a person in what the final model leaves; changes the verdict and the refined robot where there is one.
+/// Looks for a person in what the final model leaves where the joints move, for one that sticks is held by what it is pushed with; changes the verdict and the refined robot where there is one.
 pub(crate) fn look_for_a_person(work: &Work, left: &Left, (verdict, refined): (&mut Verdict, &mut Refined), settings: &Settings) {
     let Some(entry) = find("active_limb") else { return };
     let Some(scatter) = scatter(work, left) else { return };
+    tracing::debug!(scatter.over_noise, scatter.share, scatter.size, scatter.periods, "what does not repeat");
     if scatter.over_noise < ABOVE_NOISE || scatter.share < MOSTLY || scatter.size < WORTH {
         return;
     }
@@ -153,6 +153,20 @@ fn period(q: &[Vec<f64>]) -> Option<(usize, usize)> {
     Some((bottom, n / bottom))
 }
 
+/// Power of white noise in what is left at a joint where it moves, from second differences of rows.
+fn white_power(work: &Work, joint: usize, left: &[Vec<f64>]) -> f64 {
+    let (mut sum, mut n) = (0.0, 0_usize);
+    for (rows, x) in work.design.rows.iter().zip(left) {
+        let counts = |i: usize| rows.valid[i] && rows.moving[joint][i];
+        for i in (1..x.len().saturating_sub(1)).filter(|&i| (i - 1..i + 2).all(counts)) {
+            let d = x[i - 1] - 2.0 * x[i] + x[i + 1];
+            sum += d * d / 6.0;
+            n += 1;
+        }
+    }
+    sum / n.max(1) as f64
+}
+
 fn scatter(work: &Work, left: &Left) -> Option<Scatter> {
     let d = &work.design;
     let n = work.robot.model.n_act();
@@ -177,7 +191,7 @@ fn scatter(work: &Work, left: &Left) -> Option<Scatter> {
                     continue;
                 }
                 let unbiased = math::sqrt(same.len() as f64 / (same.len() - 1) as f64);
-                for (j, out) in out.iter_mut().enumerate() {
+                for (j, out) in out.iter_mut().enumerate().filter(|(j, _)| same.iter().all(|&i| rows.moving[*j][i])) {
                     let mean = same.iter().map(|&i| left[j][s][i]).sum::<f64>() / same.len() as f64;
                     for &i in &same {
                         out[i] = unbiased * (left[j][s][i] - mean);
@@ -200,7 +214,7 @@ fn scatter(work: &Work, left: &Left) -> Option<Scatter> {
     let (mut over_noise, mut power, mut all) = (0.0_f64, 0.0, 0.0);
     for (j, [scattered, total, count]) in sums.into_iter().enumerate().filter(|(_, s)| s[2] > 0.0) {
         let effort = efforts[j].effort * efforts[j].effort;
-        over_noise = over_noise.max(scattered / count / white_power(&work.design.rows, &left[j]).max(f64::MIN_POSITIVE));
+        over_noise = over_noise.max(scattered / count / white_power(work, j, &left[j]).max(f64::MIN_POSITIVE));
         if effort > 0.0 {
             power += scattered / count / effort;
             all += total / count / effort;

@@ -1,12 +1,13 @@
 //! The search: structure first with every ordinary parameter free, then which ordinary parameters moved.
 
+use crate::chain::{absorb_chain, refresh_chain, second_chain, settle_softness};
 use crate::columns::Family;
 use crate::contest::{Contest, Ground, Score, contest, decide};
-use crate::design::{Chain, ColumnId, View};
-use crate::gram::{Cross, Gram};
+use crate::design::{ColumnId, View};
+use crate::prove::{Found, prove, prove_refitted, prune_or_refit};
 use crate::screen::{self, Base};
 use crate::settings::{MAX_SHIFTS, MAX_STRUCTURAL, PRIORS, SOFTNESS, Settings};
-use crate::simplify::{fuller_shapes, one_cause};
+use crate::simplify::fuller_shapes;
 use crate::solve::Over;
 use crate::work::{Pick, Work};
 
@@ -26,136 +27,27 @@ pub(crate) fn search(work: &mut Work, band: f64, settings: &Settings, progress: 
     shifts(work, settings);
     progress(0.4);
     let structure = structure(work, band, settings, progress);
+    let found = Found::of(work);
     prune_or_refit(work, band, settings);
     settle_softness(work, band);
     progress(0.85);
     let ordinary = shifts(work, settings);
     settle_softness(work, band);
-    prune(work, band, settings);
-    one_cause(work, band, settings);
-    crate::confirm::confirm(work, band, settings);
-    refine_chain(work, band);
-    // What is left after a drop may read differently: nothing impossible or superfluous goes into a verdict.
-    prune(work, band, settings);
+    prove(work, band, settings, settings.confirm_level);
+    if !work.is_refitted {
+        prove_refitted(work, band, settings, found);
+    }
     progress(0.95);
     Search { last: core::iter::once(structure).chain(ordinary).collect() }
 }
 
 /// A step of the search, for whoever asks for it.
-fn tell(work: &Work, what: &str, pick: &Pick) {
+pub(crate) fn tell(work: &Work, what: &str, pick: &Pick) {
     let c = &work.candidates[pick.candidate];
     tracing::debug!(effect = c.effect_name(), place = c.name, shape = ?pick.variant.values, what);
 }
 
-/// Takes out, worst first, picks that the others make superfluous, that read as impossible, or that a simpler effect replaces.
-pub(crate) fn prune(work: &mut Work, band: f64, settings: &Settings) {
-    for _ in 0..2 * (MAX_SHIFTS + MAX_STRUCTURAL) {
-        let Some(worst) = superfluous(work, settings) else { return };
-        drop_pick(work, worst, band);
-    }
-}
-
-/// Takes out what is superfluous on top of the robot as given, unless the robot as given is what hides it: parameters that were refitted on
-/// recordings with an effect in them have taken up most of it, and beside them as they are it explains nothing. What was found with them free
-/// and is lost without is kept with them fitted along.
-fn prune_or_refit(work: &mut Work, band: f64, settings: &Settings) {
-    let (found, chain) = (work.picks.clone(), work.design.chain.clone());
-    prune(work, band, settings);
-    let is_structure = |work: &Work, p: &Pick| work.candidates[p.candidate].effect.family() != Family::Standard;
-    let lost: Vec<usize> = found.iter().filter(|p| is_structure(work, p) && !is_picked(work, p.candidate)).map(|p| p.candidate).collect();
-    if lost.is_empty() {
-        return;
-    }
-    let plain = (work.picks.clone(), work.design.chain.clone());
-    work.picks = found.into_iter().filter(|p| is_structure(work, p)).collect();
-    work.design.chain = chain;
-    work.is_refitted = true;
-    refresh_chain(work, band);
-    prune(work, band, settings);
-    if !lost.iter().any(|&c| is_picked(work, c)) {
-        (work.picks, work.design.chain) = plain;
-        work.is_refitted = false;
-        refresh_chain(work, band);
-    }
-    tracing::debug!(is_refitted = work.is_refitted, "what was lost on top of the robot as given");
-}
-
-/// Takes a pick out, its chain included.
-pub(crate) fn drop_pick(work: &mut Work, pick: usize, band: f64) {
-    let gone = work.picks.remove(pick);
-    tell(work, "dropped", &gone);
-    let c = &work.candidates[gone.candidate];
-    if c.effect.family() == Family::Chain {
-        let joint = c.scope[0];
-        work.design.chain[joint] = work.design.given_chain[joint];
-        refresh_chain(work, band);
-    }
-}
-
-/// Held-out share of a drive's squared error that its lag or delay takes away. Its column is only an increment about the chain as it
-/// stands, so the chain itself is taken out and the rest fitted anew.
-fn chain_gain(work: &mut Work, pick: usize) -> f64 {
-    chain_gain_judged_by(work, pick, Base::new)
-}
-
-/// The same on held-out rows.
-pub(crate) fn chain_held_out_gain(work: &mut Work, pick: usize) -> f64 {
-    chain_gain_judged_by(work, pick, Base::held_out)
-}
-
-fn chain_gain_judged_by(work: &mut Work, pick: usize, judge: fn(&Gram, &Cross, &[ColumnId], &[f64]) -> Base) -> f64 {
-    let scope = work.candidates[work.picks[pick].candidate].scope.clone();
-    let error = |work: &Work, without: Option<usize>| {
-        let cross = work.gram.cross(&work.design, &work.real_targets(&[work.softness]));
-        let (columns, prior) = work.picked(without);
-        judge(&work.gram, &cross, &columns, &prior).over(&scope, 0)
-    };
-    let with = error(work, None);
-    let (joint, chain) = (scope[0], work.design.chain[scope[0]]);
-    work.design.chain[joint] = work.design.given_chain[joint];
-    work.rebuild();
-    let without = error(work, Some(pick));
-    work.design.chain[joint] = chain;
-    work.rebuild();
-    1.0 - with / without.max(f64::MIN_POSITIVE)
-}
-
-/// The pick whose loss costs least, if that is less than a pick must be worth.
-fn superfluous(work: &mut Work, settings: &Settings) -> Option<usize> {
-    let cross = work.gram.cross(&work.design, &work.real_targets(&[work.softness]));
-    let (ids, prior) = work.picked(None);
-    let theta = screen::fit(&work.gram, &cross, &ids, &prior, Over::All);
-    let value = |id: ColumnId| ids.iter().position(|&i| i == id).map_or(0.0, |i| theta[(i, 0)]);
-    let mut worst: Option<(f64, usize)> = None;
-    for i in 0..work.picks.len() {
-        let p = work.picks[i].clone();
-        let (columns, prior) = work.picked(Some(i));
-        let base = Base::new(&work.gram, &cross, &columns, &prior);
-        let (own, own_prior) = crate::contest::own_columns(work, &p.variant, &columns);
-        let scope = &work.candidates[p.candidate].scope.clone();
-        let before = base.over(scope, 0).max(f64::MIN_POSITIVE);
-        let mut gain = if work.candidates[p.candidate].effect.family() == Family::Chain {
-            chain_gain(work, i)
-        } else if own.is_empty() {
-            0.0
-        } else {
-            let g = screen::gains(&work.gram, &cross, &base, &own, &own_prior, scope);
-            g.scope.iter().map(|f| f[0]).sum::<f64>() / before
-        };
-        let size = crate::worth::size(work, p.candidate, &p.variant, &value);
-        if size <= settings.tolerance_of(p.variant.n_own) {
-            gain = gain.min(0.0);
-        }
-        let is_possible = crate::contest::reading(work, p.candidate, &p.variant, &value).is_ok();
-        let gain = if is_possible { gain } else { f64::NEG_INFINITY };
-        if gain <= settings.floor && worst.is_none_or(|(g, _)| gain < g) {
-            worst = Some((gain, i));
-        }
-    }
-    worst.map(|(_, i)| i)
-}
-
-fn grounds(work: &Work, kappa: f64) -> Vec<Ground> {
+pub(crate) fn grounds(work: &Work, kappa: f64) -> Vec<Ground> {
     (0..SOFTNESS.len())
         .map(|softness| {
             let (mut columns, mut prior) = work.with_rigid(work.every_model_has(softness), kappa);
@@ -205,13 +97,15 @@ fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn
         let left = left_over(work, &grounds[best]);
         let pool: Vec<usize> = (0..work.candidates.len())
             .filter(|&c| work.candidates[c].effect.family() != Family::Standard && !is_picked(work, c))
-            .filter(|&c| !second_chain(work, c) && !same_body(work, c) && !refused.iter().any(|s| s.candidate == c))
+            .filter(|&c| !second_chain(work, c) && !same_body(work, c) && !same_push(work, c) && !refused.iter().any(|s| s.candidate == c))
             .collect();
         let mut now = contest(work, &pool, &grounds, &left, settings);
         let pick = decide(work, &mut now, &grounds, settings);
         progress(0.4 + 0.4 * (step + 1) as f64 / (MAX_STRUCTURAL + 1) as f64);
         let Some(pick) = pick.filter(|_| step < MAX_STRUCTURAL) else { break now };
         let is_kept = holds(work, &pick, &grounds, settings);
+        let twin = if is_kept { None } else { crate::confirm::fitted_only(work, &pick, settings) };
+        let (is_kept, pick) = (is_kept || twin.is_some(), twin.unwrap_or(pick));
         tell(work, if is_kept { "structure" } else { "refused: not on held-out rows" }, &pick);
         if !is_kept {
             refused.extend(now.scores.into_iter().find(|s| s.candidate == pick.candidate));
@@ -244,12 +138,23 @@ fn holds(work: &Work, pick: &Pick, grounds: &[Ground], settings: &Settings) -> b
     // Efforts and other positions each have their own errors: what is worth a name in one of them need not show in the other.
     let is_worth = |part: &Vec<usize>| {
         let taken = screen::gains(&work.gram, &cross, &base, &own, &prior, part).scope[0][0];
+        tracing::debug!(
+            taken = taken / base.over(part, 0),
+            floor = settings.floor_of(pick.variant.n_own),
+            n = pick.variant.n_own,
+            effect = work.candidates[pick.candidate].effect_name(),
+            "holds"
+        );
         taken > settings.floor_of(pick.variant.n_own) * base.over(part, 0)
     };
     work.kinds_of_rows(scope).iter().any(is_worth)
 }
 
-fn is_picked(work: &Work, candidate: usize) -> bool {
+pub(crate) fn is_structure(work: &Work, pick: &Pick) -> bool {
+    work.candidates[pick.candidate].effect.family() != Family::Standard
+}
+
+pub(crate) fn is_picked(work: &Work, candidate: usize) -> bool {
     work.picks.iter().any(|p| p.candidate == candidate)
 }
 
@@ -258,6 +163,18 @@ fn same_body(work: &Work, candidate: usize) -> bool {
     let is_body = |c: usize| matches!(work.candidates[c].effect_name(), "payload" | "inertia_error");
     is_body(candidate)
         && work.picks.iter().any(|p| is_body(p.candidate) && work.candidates[p.candidate].place == work.candidates[candidate].place)
+}
+
+/// Whether a push at the same time has been picked: one hand pushes at one place, and each drive that feels it would be another explanation.
+fn same_push(work: &Work, candidate: usize) -> bool {
+    let times = |v: &crate::work::Variant| (v.values[0], v.values[1]);
+    let c = &work.candidates[candidate];
+    let overlaps = |p: &Pick| {
+        let (start, end) = times(&p.variant);
+        c.variants.first().map(times).is_some_and(|(from, to)| from < end && start < to)
+    };
+    c.effect_name() == "external_force"
+        && work.picks.iter().any(|p| work.candidates[p.candidate].effect_name() == c.effect_name() && overlaps(p))
 }
 
 /// A change of a link's mass properties that was found in its simplest shape takes a fuller one, as a payload or as an error of the
@@ -306,13 +223,6 @@ pub(crate) fn is_possible(work: &Work, pick: usize) -> bool {
     crate::contest::reading(work, p.candidate, &p.variant, &value).is_ok()
 }
 
-/// A drive has one lag or one delay: together they are told apart only by what no ordinary recording contains.
-fn second_chain(work: &Work, candidate: usize) -> bool {
-    let is_chain = |c: usize| work.candidates[c].effect.family() == Family::Chain;
-    is_chain(candidate)
-        && work.picks.iter().any(|p| is_chain(p.candidate) && work.candidates[p.candidate].scope == work.candidates[candidate].scope)
-}
-
 fn best_ground(work: &Work, grounds: &[Ground]) -> usize {
     let error = |g: &Ground| {
         let cross = work.gram.cross(&work.design, &work.real_targets(&[g.softness]));
@@ -322,7 +232,7 @@ fn best_ground(work: &Work, grounds: &[Ground]) -> usize {
     (0..errors.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b])).unwrap_or(0)
 }
 
-fn fit_ground(work: &Work, ground: &Ground) -> faer::Mat<f64> {
+pub(crate) fn fit_ground(work: &Work, ground: &Ground) -> faer::Mat<f64> {
     let cross = work.gram.cross(&work.design, &work.real_targets(&[ground.softness]));
     screen::fit(&work.gram, &cross, &ground.columns, &ground.prior, Over::All)
 }
@@ -330,102 +240,6 @@ fn fit_ground(work: &Work, ground: &Ground) -> faer::Mat<f64> {
 fn left_over(work: &Work, ground: &Ground) -> Vec<Vec<Vec<f64>>> {
     let theta = fit_ground(work, ground);
     work.residual(&ground.columns, &theta, ground.softness, View::Fit)
-}
-
-fn refresh_chain(work: &mut Work, band: f64) {
-    let models: Vec<_> = grounds(work, work.kappa).into_iter().map(|g| (g.columns.clone(), fit_ground(work, &g), g.softness)).collect();
-    work.refresh_chain(&without_chain(work, models), band);
-}
-
-/// The chain's own columns are increments about the model; they are no part of the model that is moved.
-fn without_chain(work: &Work, models: Vec<(Vec<ColumnId>, faer::Mat<f64>, usize)>) -> Vec<(Vec<ColumnId>, faer::Mat<f64>, usize)> {
-    let chain: Vec<ColumnId> = work
-        .candidates
-        .iter()
-        .filter(|c| c.effect.family() == Family::Chain)
-        .flat_map(|c| c.variants.iter().flat_map(|v| v.columns.clone()))
-        .collect();
-    models
-        .into_iter()
-        .map(|(ids, mut theta, softness)| {
-            for (i, id) in ids.iter().enumerate() {
-                if chain.contains(id) {
-                    theta[(i, 0)] = 0.0;
-                }
-            }
-            (ids, theta, softness)
-        })
-        .collect()
-}
-
-/// Moves what the chain's columns found into the chain itself, a few times: a delay is its own derivative only while it is small.
-fn absorb_chain(work: &mut Work, band: f64) {
-    if !work.picks.iter().any(|p| work.candidates[p.candidate].effect.family() == Family::Chain) {
-        return;
-    }
-    for _ in 0..3 {
-        let ground = grounds(work, work.kappa).swap_remove(work.softness);
-        let theta = fit_ground(work, &ground);
-        apply_increments(work, &ground.columns, &theta);
-        refresh_chain(work, band);
-        work.set_softness(work.softness);
-    }
-}
-
-fn apply_increments(work: &mut Work, ids: &[ColumnId], theta: &faer::Mat<f64>) {
-    if work.design.is_shared() {
-        // A row is a sum over the chains of all drives: each stays the size of its own column.
-        return;
-    }
-    for p in &work.picks {
-        let c = &work.candidates[p.candidate];
-        if c.effect.family() != Family::Chain {
-            continue;
-        }
-        let Some(i) = ids.iter().position(|id| *id == p.variant.columns[0]) else { continue };
-        let chain: &mut Chain = &mut work.design.chain[c.scope[0]];
-        if c.effect_name() == "actuator_lag" {
-            chain.lag += theta[(i, 0)];
-        } else {
-            chain.delay += theta[(i, 0)];
-        }
-    }
-}
-
-/// Takes the softness with which the picked model predicts best on blocks it was not fitted on.
-fn settle_softness(work: &mut Work, band: f64) {
-    let mut best: Option<(f64, usize)> = None;
-    for w in 0..SOFTNESS.len() {
-        work.set_softness(w);
-        refine_chain(work, band);
-        let cross = work.gram.cross(&work.design, &work.real_targets(&[w]));
-        let (columns, prior) = work.picked(None);
-        let error = Base::new(&work.gram, &cross, &columns, &prior).total(0);
-        if best.is_none_or(|(e, _)| error < e) {
-            best = Some((error, w));
-        }
-    }
-    if let Some((_, w)) = best {
-        work.set_softness(w);
-        refine_chain(work, band);
-    }
-}
-
-/// Re-linearises picked chain effects about the final model, whose ordinary parameters are those that moved and no others.
-pub(crate) fn refine_chain(work: &mut Work, band: f64) {
-    if !work.picks.iter().any(|p| work.candidates[p.candidate].effect.family() == Family::Chain) {
-        return;
-    }
-    for _ in 0..3 {
-        let (columns, prior) = work.picked(None);
-        let ground = Ground { softness: work.softness, columns, prior };
-        let theta = fit_ground(work, &ground);
-        apply_increments(work, &ground.columns, &theta);
-        let models = without_chain(work, vec![(ground.columns, theta, work.softness)]);
-        let models = (0..SOFTNESS.len()).map(|w| (models[0].0.clone(), models[0].1.clone(), w)).collect::<Vec<_>>();
-        work.refresh_chain(&models, band);
-        work.set_softness(work.softness);
-    }
 }
 
 fn shifts(work: &mut Work, settings: &Settings) -> Option<Contest> {

@@ -1,8 +1,9 @@
 //! After a pick: the fuller shape of a law where it pays, and one cause in the place of several that do no better.
 
 use crate::columns::Family;
+use crate::prove::prune;
 use crate::screen::Base;
-use crate::search::{is_possible, picked_error, prune};
+use crate::search::{is_possible, picked_error};
 use crate::settings::Settings;
 use crate::work::{Pick, Work};
 
@@ -80,7 +81,7 @@ pub(crate) fn one_cause(work: &mut Work, band: f64, settings: &Settings) {
             work.picks = old;
             if work.design.chain != chain {
                 work.design.chain = chain;
-                crate::search::refine_chain(work, band);
+                crate::chain::refine_chain(work, band);
             }
         }
     }

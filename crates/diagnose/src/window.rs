@@ -8,6 +8,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use pkm_dyn::math;
 
 use crate::motion::Motion;
+use crate::rows::standstill;
 use crate::settings::BLOCKS;
 use crate::verdict::Use;
 
@@ -47,8 +48,8 @@ struct Seen<'m> {
     every: usize,
     /// Time of each knot since the recording began `[s]`.
     time: Vec<f64>,
-    /// Whether a knot is fitted.
-    counts: Vec<bool>,
+    /// Whether a knot is fitted and the drive moves there, [drive][knot]: one that sticks is held by whatever pushes it.
+    counts: Vec<Vec<bool>>,
     /// What the drives' own motion leaves, in units of each drive's, [drive][knot].
     left: Vec<Vec<f64>>,
     /// One over the rms of what it leaves.
@@ -166,7 +167,12 @@ impl<'m> Seen<'m> {
         let at: Vec<usize> = (0..n).step_by(every).collect();
         let is_fitted = |i: usize| s.used != Use::Both || (i * BLOCKS / n).is_multiple_of(2);
         let around = |i: usize| i.saturating_sub(every)..(i + every + 1).min(n);
-        let counts = at.iter().map(|&i| around(i).all(|i| is_fitted(i) && s.valid[i])).collect();
+        let still = standstill(motion, s.band);
+        let counts = still
+            .iter()
+            .take(s.tau.len())
+            .map(|still| at.iter().map(|&i| around(i).all(|i| is_fitted(i) && s.valid[i] && !still[i])).collect())
+            .collect();
         let drives = s.tau.len();
         let time = at.iter().map(|&i| s.dt * i as f64).collect();
         Some(Self { motion, every, time, counts, left: vec![Vec::new(); drives], weight: vec![0.0; drives] })
@@ -174,9 +180,9 @@ impl<'m> Seen<'m> {
 
     /// What the drives' own motion leaves where a push in the window `without` does not tell it.
     fn look(&mut self, without: Option<Window>) {
-        let tells = |i: usize| self.counts[i] && !without.is_some_and(|w| (w.start..w.end).contains(&self.time[i]));
-        let told: Vec<usize> = (0..self.time.len()).filter(|&i| tells(i)).collect();
         for k in 0..self.left.len() {
+            let tells = |i: usize| self.counts[k][i] && !without.is_some_and(|w| (w.start..w.end).contains(&self.time[i]));
+            let told: Vec<usize> = (0..self.time.len()).filter(|&i| tells(i)).collect();
             let (y, x) = (self.apart(k), self.own(k));
             let a = DMatrix::from_fn(told.len(), x.len(), |r, c| x[c][told[r]]);
             let b = DVector::from_fn(told.len(), |r, _| y[told[r]]);
@@ -219,9 +225,8 @@ impl<'m> Seen<'m> {
             (_, Some(p)) => Vector3::from_fn(|c, _| -p.at_knots(c, k).get(i).copied().unwrap_or(0.0)),
             _ => Vector3::zeros(),
         };
-        let knots = (0..self.time.len()).filter(|&i| self.counts[i]);
-        knots.flat_map(move |i| {
-            let drives = (0..self.left.len()).filter(move |&k| place == Place::Drive(k) || pushed.is_some());
+        (0..self.time.len()).flat_map(move |i| {
+            let drives = (0..self.left.len()).filter(move |&k| self.counts[k][i] && (place == Place::Drive(k) || pushed.is_some()));
             drives.map(move |k| (self.time[i], self.weight[k] * felt(k, i), self.left[k][i]))
         })
     }

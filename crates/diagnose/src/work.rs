@@ -28,6 +28,8 @@ pub(crate) struct Variant {
     pub(crate) prior: Vec<f64>,
     /// How many leading columns are the effect itself.
     pub(crate) n_own: usize,
+    /// What the law is in this shape, if it is something simpler.
+    pub(crate) limit: Option<&'static str>,
 }
 
 /// An effect at a place, in the shapes it may take.
@@ -326,7 +328,14 @@ impl<'w> Work<'w> {
                     let cut = if late.is_empty() { plain.iter().map(|x| vec![0.0; x.len()]).collect() } else { late.clone() };
                     let pair = Pair { plain, cut };
                     let id = self.design.put_fine(old.pop(), drive, pair);
-                    variants.push(Variant { values, softness: Some(*softness), columns: vec![id], prior: vec![f64::INFINITY], n_own: 1 });
+                    variants.push(Variant {
+                        values,
+                        softness: Some(*softness),
+                        columns: vec![id],
+                        prior: vec![f64::INFINITY],
+                        n_own: 1,
+                        limit: None,
+                    });
                 }
             }
             self.candidates[c].variants = variants;
@@ -381,7 +390,8 @@ impl<'w> Work<'w> {
             if self.picks.iter().any(|p| p.candidate == candidate) {
                 continue;
             }
-            let variant = Variant { values: Vec::new(), softness: None, columns: vec![id], prior: vec![f64::INFINITY], n_own: 1 };
+            let variant =
+                Variant { values: Vec::new(), softness: None, columns: vec![id], prior: vec![f64::INFINITY], n_own: 1, limit: None };
             self.picks.push(Pick { candidate, variant, ..pick.clone() });
         }
         self.picks.push(pick);
@@ -476,5 +486,5 @@ fn variant(shape: Shape, design: &mut Design, motions: &[Motion], (standard, mad
             Source::Offset(k) => standard.offset[k],
         });
     }
-    Variant { values: shape.values, softness: shape.softness, columns, prior: shape.prior, n_own: shape.n_own }
+    Variant { values: shape.values, softness: shape.softness, columns, prior: shape.prior, n_own: shape.n_own, limit: shape.limit }
 }

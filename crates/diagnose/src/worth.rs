@@ -5,6 +5,7 @@
 
 use crate::columns::Family;
 use crate::design::ColumnId;
+use crate::verdict::Use;
 use crate::work::{Candidate, Variant, Work};
 
 /// Size of a candidate in a shape, as a share of the effort of the joint that feels it most, with the fitted coefficients by column.
@@ -32,7 +33,16 @@ pub(crate) fn of_columns(work: &Work, c: &Candidate, variant: &Variant, coeffici
         squared_at(work, j, &own, offset)
     };
     // Where it is felt most: rows of a joint weigh the less the more is left there, and what is left is the effect itself.
-    c.scope.iter().map(|&j| work.of_effort(squared(j), &[j])).fold(0.0, f64::max)
+    let felt = c.scope.iter().map(|&j| work.of_effort(squared(j), &[j])).fold(0.0, f64::max);
+    felt / pkm_dyn::math::sqrt(share_of_time(work, c, variant))
+}
+
+/// Share of the recordings in which a shape acts: a push is as large as it is while it lasts.
+fn share_of_time(work: &Work, c: &Candidate, variant: &Variant) -> f64 {
+    let fitted = work.motions.iter().filter(|m| m.segment.used != Use::Holdout).map(|m| m.segment.duration);
+    let (n, total) = fitted.fold((0_usize, 0.0), |(n, sum), d| (n + 1, sum + d));
+    let lasts = c.effect.lasts(&variant.values).filter(|l| *l > 0.0 && total > 0.0);
+    lasts.map_or(1.0, |l| (l * n as f64 / total).min(1.0))
 }
 
 /// Weighted squared length at one joint of a sum of columns, less what the constant `offset` would do as well.

@@ -46,6 +46,10 @@ impl Columns for Effect {
             .collect()
     }
 
+    fn lasts(&self, shape: &[f64]) -> Option<f64> {
+        Some(shape[1] - shape[0])
+    }
+
     fn read(&self, view: &View) -> Reading {
         let [start, end] = [view.shape[0], view.shape[1]];
         if view.own.iter().all(|f| f.abs() <= 0.0) {
@@ -114,6 +118,11 @@ pub(crate) fn in_fitted_only(values: &[f64]) -> Option<[f64; 3]> {
     }
 }
 
+/// Whether a shape with these values did not act in recordings that are only judged on.
+pub(crate) fn acts_in_fitted_only(values: &[f64]) -> bool {
+    values.get(2).is_some_and(|mode| *mode >= FITTED)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -157,5 +166,6 @@ mod tests {
         assert!(heights(&bench.motion, times, ALWAYS).iter().any(|h| *h > 0.9));
         assert_eq!(in_fitted_only(&[2.0, 4.5, ALWAYS]), Some([2.0, 4.5, FITTED]));
         assert_eq!(in_fitted_only(&[2.0, 4.5, FITTED]), None);
+        assert!(acts_in_fitted_only(&[2.0, 4.5, FITTED]) && !acts_in_fitted_only(&[2.0, 4.5, ALWAYS]));
     }
 }

@@ -32,7 +32,7 @@ impl Columns for Effect {
                 let shapes = vec![
                     all(),
                     all().with_offsets(0..ctx.model.n_act()),
-                    Shape { values: Vec::new(), softness: None, sources: free, prior: sd, n_own: N_INERTIAL },
+                    Shape { values: Vec::new(), softness: None, sources: free, prior: sd, n_own: N_INERTIAL, limit: None },
                 ];
                 Proposal::on_link(ctx, link, shapes)
             })

@@ -171,6 +171,8 @@ pub(crate) struct Shape {
     pub(crate) prior: Vec<f64>,
     /// How many leading columns are the effect itself; the others are ordinary parameters it is sought together with.
     pub(crate) n_own: usize,
+    /// What the law is where it can no longer be told from something simpler: where this shape fits best, the effect is not there.
+    pub(crate) limit: Option<&'static str>,
 }
 
 /// A candidate before its columns are computed.
@@ -211,7 +213,7 @@ impl Proposal {
 impl Shape {
     /// Free coefficients, one softness for all.
     pub(crate) fn free(sources: Vec<Source>) -> Self {
-        Self { values: Vec::new(), softness: None, prior: vec![f64::INFINITY; sources.len()], n_own: sources.len(), sources }
+        Self { values: Vec::new(), softness: None, prior: vec![f64::INFINITY; sources.len()], n_own: sources.len(), sources, limit: None }
     }
 
     /// Together with the offsets of some drives: where the rigid effort hardly varies, a share of it and a constant are nearly the same
@@ -231,6 +233,12 @@ impl Shape {
 
     pub(crate) fn with(mut self, values: Vec<f64>) -> Self {
         self.values = values;
+        self
+    }
+
+    /// Marks the shape as the one in which the law is nothing but `simpler`.
+    pub(crate) fn as_limit(mut self, simpler: &'static str) -> Self {
+        self.limit = Some(simpler);
         self
     }
 }
@@ -266,6 +274,14 @@ pub(crate) trait Columns: Sync {
     fn propose(&self, ctx: &Context) -> Vec<Proposal>;
     /// Reads coefficients as parameters; `Err` is a physical veto.
     fn read(&self, view: &View) -> Reading;
+    /// Whether the shape with these values is an error of the recorded effort: the robot is as it was, and its file has no place for it.
+    fn is_of_the_effort_reading(&self, _shape: &[f64]) -> bool {
+        false
+    }
+    /// How long the shape with these values acts `[s]`; `None` acts all the time.
+    fn lasts(&self, _shape: &[f64]) -> Option<f64> {
+        None
+    }
     /// The leading parameter that a first coefficient of this size stands for; `None` where sizes mean nothing.
     fn smallest(&self, size: f64) -> Option<f64> {
         Some(size)

@@ -32,7 +32,7 @@ impl Columns for Effect {
                 let point = Shape::free((0..4).map(|c| Source::Rigid(l, c)).collect());
                 let sources = (0..N_INERTIAL).map(|c| Source::Rigid(l, c)).collect();
                 let prior = spread(&ctx.model.links[link].parameters).to_vec();
-                let body = Shape { values: Vec::new(), softness: None, sources, prior, n_own: N_INERTIAL };
+                let body = Shape { values: Vec::new(), softness: None, sources, prior, n_own: N_INERTIAL, limit: None };
                 Proposal::on_link(ctx, link, vec![point, body])
             })
             .collect()
