@@ -77,7 +77,7 @@ pub fn diagnose_with_controller(
     if !reasons.is_empty() {
         return Ok(gate::unusable(robot, &all, &reasons, notes));
     }
-    let mut work = Work::new(robot, &motions, band);
+    let mut work = Work::new(robot, &mut motions, band);
     if let Some(reasons) = crate::enough::reasons(&work.design, band) {
         return Ok(gate::unusable(robot, &all, &reasons, notes));
     }

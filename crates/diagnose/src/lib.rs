@@ -50,6 +50,7 @@ mod segment;
 mod sensitivity;
 mod settings;
 mod sharing;
+mod shelf;
 mod shift;
 mod simplify;
 mod solve;
