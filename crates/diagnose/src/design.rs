@@ -26,12 +26,22 @@ pub(crate) struct Chain {
 /// Filtered series on the fine grid; [segment].
 pub(crate) type Fine = Vec<Vec<f64>>;
 
-/// A filtered series twice, by segment: as it is, on the fine grid, for a chain may yet be run over it; and with standstill set to zero before
-/// the filter, at the rows.
+/// A filtered series twice, by segment: as it is, on the fine grid, for a chain may yet be run over it, and at the rows; and with standstill
+/// set to zero before the filter, at the rows.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Pair {
     pub(crate) plain: Vec<Stored>,
-    pub(crate) cut: Vec<Stored>,
+    at_rows: Vec<Stored>,
+    cut: Vec<Stored>,
+}
+
+impl Pair {
+    /// Adds a segment with `n` rows; both series are on the fine grid.
+    fn put(&mut self, shelf: &Shelf, (grid, n): (&FineGrid, usize), plain: Vec<f64>, cut: Option<&[f64]>) {
+        self.at_rows.push(shelf.put(grid.at_rows(&plain, n)));
+        self.cut.push(shelf.put(cut.map_or_else(|| vec![0.0; n], |x| grid.at_rows(x, n))));
+        self.plain.push(shelf.put(plain));
+    }
 }
 
 /// One column: per joint it acts on, its filtered series.
@@ -105,8 +115,7 @@ impl Design {
                 let series: Series = of(motion).into_iter().enumerate().collect();
                 let cut = cut(&series, &still[s], sharing.get(s));
                 for ((pair, (_, plain)), (_, cut)) in out.iter_mut().zip(&series).zip(&cut) {
-                    pair.plain.push(shelf.put(fine[s].fine(plain)));
-                    pair.cut.push(shelf.put(fine[s].at_rows(&fine[s].fine(cut), rows[s].time.len())));
+                    pair.put(&shelf, (&fine[s], rows[s].time.len()), fine[s].fine(plain), Some(&fine[s].fine(cut)));
                 }
             }
             out
@@ -175,8 +184,7 @@ impl Design {
                         });
                         let (_, pair, acts) = &mut joints[at];
                         *acts |= plain.iter().any(|x| x.abs() > 0.0);
-                        pair.plain.push(shelf.put(plain));
-                        pair.cut.push(shelf.put(fine[s].at_rows(&cut, rows[s].time.len())));
+                        pair.put(shelf, (&fine[s], rows[s].time.len()), plain, Some(&cut));
                     }
                 }
                 // A column that is zero everywhere acts nowhere.
@@ -211,9 +219,11 @@ impl Design {
     /// without a cut, and those of surplus drives, on clean rows only.
     pub(crate) fn put_fine(&mut self, at: Option<ColumnId>, joint: usize, (plain, cut): (Fine, &Fine)) -> ColumnId {
         let stored = |plain: Fine, cut: &Fine| {
-            let of_segment = |s: usize| cut.get(s).map_or_else(|| vec![0.0; self.rows[s].time.len()], |x| self.thin(s, x));
-            let cut = (0..plain.len()).map(|s| self.shelf.put(of_segment(s))).collect();
-            Pair { plain: plain.into_iter().map(|x| self.shelf.put(x)).collect(), cut }
+            let mut out = Pair::default();
+            for (s, x) in plain.into_iter().enumerate() {
+                out.put(&self.shelf, (&self.fine[s], self.rows[s].time.len()), x, cut.get(s).map(Vec::as_slice));
+            }
+            out
         };
         let spread = |k: usize| {
             let of_segment = |(s, x): (usize, &Vec<f64>)| self.sharing[s].thinned(joint, x, self.fine[s].step).swap_remove(k);
@@ -253,11 +263,10 @@ impl Design {
     }
 
     fn view(&self, pair: &Pair, chain: Chain, (joint, segment): (usize, usize), view: View) -> Vec<f64> {
-        let plain = &pair.plain[segment];
         let through = if chain == Chain::default() || self.is_shared() {
-            plain.thinned(self.fine[segment].thin, self.rows[segment].time.len())
+            pair.at_rows[segment].read()
         } else {
-            self.thin(segment, &self.through_chain(chain, segment, &plain.read()))
+            self.thin(segment, &self.through_chain(chain, segment, &pair.plain[segment].read()))
         };
         if view == View::Judge {
             return through;

@@ -3,7 +3,7 @@
 use faer::Mat;
 use pkm_dyn::math;
 
-use crate::design::{ColumnId, View};
+use crate::design::{ColumnId, Design, View};
 use crate::rows::Rows;
 use crate::screen;
 use crate::solve::Over;
@@ -72,11 +72,16 @@ pub(crate) struct JointError {
 
 /// Errors per joint of what is left, over held-out rows, standstill included.
 pub(crate) fn errors(work: &Work, left: &[Vec<Vec<f64>>]) -> Vec<JointError> {
-    (0..work.design.n_drives)
+    errors_on(&work.design, left)
+}
+
+/// The same before there is anything but rows.
+pub(crate) fn errors_on(design: &Design, left: &[Vec<Vec<f64>>]) -> Vec<JointError> {
+    (0..design.n_drives)
         .map(|j| {
             let (mut e2, mut y2, mut n) = (0.0, 0.0, 0_usize);
-            for (s, rows) in work.design.rows.iter().enumerate() {
-                let measured = work.design.measured_rows(j, s, View::Judge);
+            for (s, rows) in design.rows.iter().enumerate() {
+                let measured = design.measured_rows(j, s, View::Judge);
                 for i in 0..rows.time.len() {
                     if rows.valid[i] && rows.fold[i].is_none() {
                         e2 += left[j][s][i] * left[j][s][i];
@@ -101,14 +106,18 @@ pub(crate) fn pooled(errors: &[JointError]) -> f64 {
 /// What the model as given leaves, its own chain included: [joint][segment][row]. Where the recorded command lacked a share of the
 /// controller's that is `missing`, the model's effort is too large by it for the recording as it was.
 pub(crate) fn left_as_given(work: &Work, missing: &[f64], view: View) -> Vec<Vec<Vec<f64>>> {
-    let d = &work.design;
+    left_on(&work.design, work.softness, missing, view)
+}
+
+/// The same before there is anything but rows.
+pub(crate) fn left_on(d: &Design, softness: usize, missing: &[f64], view: View) -> Vec<Vec<Vec<f64>>> {
     (0..d.n_joints)
         .map(|j| {
             (0..d.rows.len())
                 .map(|s| {
                     d.measured_rows(j, s, view)
                         .iter()
-                        .zip(d.as_given_rows(work.softness, j, s, view))
+                        .zip(d.as_given_rows(softness, j, s, view))
                         .map(|(y, m)| y - m / (1.0 - missing.get(j).copied().unwrap_or(0.0)))
                         .collect()
                 })

@@ -31,6 +31,7 @@ mod held;
 mod integrity;
 pub mod isolability;
 mod leftover;
+mod located;
 mod motion;
 mod nominal;
 mod picture;
@@ -56,6 +57,7 @@ mod simplify;
 mod solve;
 #[cfg(test)]
 mod testing;
+mod thinned;
 mod variety;
 pub mod verdict;
 mod window;
@@ -65,9 +67,10 @@ mod worth;
 
 pub use columns::looked_for;
 pub use controller::ControllerTwin;
-pub use engine::{diagnose, diagnose_with_controller};
+pub use engine::{diagnose, diagnose_watched, diagnose_with_controller};
 pub use error::InputError;
 pub use evidence::{Diagnosis, Evidence, Refined};
+pub use located::{Located, Watch};
 pub use plan::{Alias, Belief, Plan, PlanSettings, Required, plan, recorded_noise};
 pub use predict::predict;
 pub use replay::{Simulation, Twin, replay};

@@ -76,5 +76,11 @@ pub(crate) const MAX_STRUCTURAL: usize = 6;
 /// Parameter shifts that may be reported.
 pub(crate) const MAX_SHIFTS: usize = 24;
 
+/// Samples of all recordings together up to which each is taken as it is: ten minutes at 1 kHz.
+pub(crate) const LONG: usize = 600_000;
+
+/// Samples per period of the band of recordings that are longer: columns are built at more than twice the fine grid's rate.
+pub(crate) const RATE: f64 = 50.0;
+
 /// Smallest number of samples a recording must have: filters and folds need that many to mean anything.
 pub const MIN_SAMPLES: usize = 200;

@@ -136,14 +136,6 @@ impl Stored {
             }
         }
     }
-
-    /// Every `step`-th number, from the first, `n` at most.
-    pub(crate) fn thinned(&self, step: usize, n: usize) -> Vec<f64> {
-        match &self.place {
-            Place::Memory(x) => x.iter().step_by(step).take(n).copied().collect(),
-            Place::File(_) => self.read().into_iter().step_by(step).take(n).collect(),
-        }
-    }
 }
 
 impl Clone for Stored {
@@ -244,7 +236,6 @@ mod tests {
         let (kept, filed) = (shelf.put(series(80, 0.1)), shelf.put(series(50, 0.3)));
         assert_eq!(shelf.on_file(), 400);
         assert_eq!((bits(&kept.read()), bits(&filed.read())), (bits(&series(80, 0.1)), bits(&series(50, 0.3))));
-        assert_eq!(bits(&filed.thinned(7, 5)), bits(&filed.read().into_iter().step_by(7).take(5).collect::<Vec<_>>()));
         drop(filed);
         let next = shelf.put(series(50, 0.7));
         assert_eq!((shelf.on_file(), bits(&next.read())), (400, bits(&series(50, 0.7))));

@@ -106,15 +106,16 @@ pub(crate) struct Work<'w> {
 
 impl<'w> Work<'w> {
     /// Builds columns of every candidate, and weighs the joints by what was measured.
-    pub(crate) fn new(robot: &'w Robot, motions: &'w mut [Motion], band: f64) -> Self {
-        let mut out = Self::unweighted(robot, motions, band, None);
+    pub(crate) fn new(robot: &'w Robot, motions: &'w mut [Motion], design: Design, band: f64) -> Self {
+        let mut out = Self::unweighted(robot, motions, (design, band), None);
         out.weigh();
         out
     }
 
     /// The same with given weights of the joints, and of the named effects only: what was measured plays no part.
     pub(crate) fn planned(robot: &'w Robot, motions: &'w mut [Motion], band: f64, weight: &[f64], only: Option<&[&str]>) -> Self {
-        let mut out = Self::unweighted(robot, motions, band, only);
+        let design = Design::new(robot, motions, band);
+        let mut out = Self::unweighted(robot, motions, (design, band), only);
         out.design.weight.copy_from_slice(weight);
         out.rebuild();
         out.effort = out.effort_power();
@@ -124,9 +125,8 @@ impl<'w> Work<'w> {
         out
     }
 
-    fn unweighted(robot: &'w Robot, made_from: &'w mut [Motion], band: f64, only: Option<&[&str]>) -> Self {
+    fn unweighted(robot: &'w Robot, made_from: &'w mut [Motion], (mut design, band): (Design, f64), only: Option<&[&str]>) -> Self {
         let motions = &*made_from;
-        let mut design = Design::new(robot, motions, band);
         let model = &robot.model;
         let widths = largest_widths(robot, motions);
         let standard = standard_columns(&mut design, motions, model, &widths);
