@@ -332,3 +332,29 @@ fn clean_together(clean: &mut [Vec<bool>]) {
 pub(crate) fn widths(robot: &Robot, motions: &[Motion]) -> Vec<Vec<Vec<f64>>> {
     motions.iter().map(|m| softness_widths(&robot.model, m)).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::motion;
+    use crate::segment::Segment;
+    use crate::testing::Bench;
+    use crate::work::Work;
+
+    #[test]
+    fn products_are_the_same_to_the_bit_wherever_the_series_lie() {
+        let bench = Bench::pair();
+        let robot = Robot::new(bench.model.clone(), Vec::new());
+        let products = |shelf: Shelf| {
+            let segment = Segment { shelf: shelf.clone(), ..bench.motion.segment.clone() };
+            let mut motions = vec![motion(&robot, segment).expect("sliders have no loops")];
+            let work = Work::planned(&robot, &mut motions, 5.0, &[1.0, 1.0], None);
+            let all = work.gram.xx_all.iter().flat_map(|x| (0..x.ncols()).flat_map(|c| x.col(c).iter().map(|v| v.to_bits()))).collect();
+            (all, shelf.on_file())
+        };
+        let (here, nothing): (Vec<u64>, u64) = products(Shelf::default());
+        let (there, filed) = products(Shelf::with_room(0));
+        assert!(nothing == 0 && filed > 1 << 20, "{nothing} and {filed} bytes in the file");
+        assert!(here.len() > 1000 && here == there);
+    }
+}

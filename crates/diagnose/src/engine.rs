@@ -84,8 +84,7 @@ pub fn diagnose_watched(
     }
     // Recordings may be hours long: they are copied where something in them is changed, and copies are gone before anything is made of them.
     let is_changed = controller.is_some() || seen.iter().any(Integrity::is_spoiled);
-    let mut cleaned: Vec<Recording> =
-        all.iter().zip(&seen).filter(|_| is_changed).map(|((r, _), s)| s.cleaned(r)).collect();
+    let mut cleaned: Vec<Recording> = all.iter().zip(&seen).filter(|_| is_changed).map(|((r, _), s)| s.cleaned(r)).collect();
     let mismatches = controller.map_or_else(Vec::new, |twin| mismatches(robot, twin, &mut cleaned, &mut notes));
     let used: Vec<(&Recording, Use)> = cleaned.iter().zip(&all).map(|(r, (_, used))| (r, *used)).collect();
     let (segments, band) = segment::segments(robot, if is_changed { &used } else { &all }, settings.band_hz)?;

@@ -120,7 +120,8 @@ fn stacks(design: &Design, active: &[Vec<ColumnId>]) -> Vec<Vec<Stack>> {
         .map(|(j, ids)| {
             let mut folds: Vec<Mat<f64>> = lines.iter().map(|joints| Mat::zeros(joints[j].len(), ids.len())).collect();
             for (c, &id) in ids.iter().enumerate() {
-                let values: Vec<Vec<f64>> = (0..design.rows.len()).map(|s| design.values(id, j, s, View::Fit).unwrap_or_default()).collect();
+                let values: Vec<Vec<f64>> =
+                    (0..design.rows.len()).map(|s| design.values(id, j, s, View::Fit).unwrap_or_default()).collect();
                 for (x, joints) in folds.iter_mut().zip(&lines) {
                     joints[j].iter().enumerate().for_each(|(i, &(s, row))| x[(i, c)] = design.weight[j] * values[s][row]);
                 }

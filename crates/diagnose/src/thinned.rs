@@ -67,3 +67,57 @@ fn of(s: Segment, every: usize) -> Segment {
         ..s
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use core::f64::consts::TAU;
+
+    use pkm_dyn::math;
+
+    use super::*;
+    use crate::testing::Bench;
+
+    fn sine(s: &Segment, hz: f64) -> Vec<f64> {
+        (0..s.valid.len()).map(|i| math::sin(TAU * hz * s.dt * i as f64)).collect()
+    }
+
+    /// A segment at 500 Hz in a band of 2 Hz: to be taken at 100 Hz.
+    fn segment() -> Segment {
+        Segment { band: 2.0, ..Bench::pair().motion.segment }
+    }
+
+    #[test]
+    fn what_is_in_the_band_stays_and_what_would_fold_into_it_is_gone() {
+        let mut s = segment();
+        // The second folds to 1 Hz.
+        s.tau = vec![sine(&s, 1.0), sine(&s, 99.0)];
+        let t = of(s.clone(), every(&s));
+        assert!((t.dt - 0.01).abs() < 1e-15 && t.valid.len() == s.valid.len() / 5, "{} s, {}", t.dt, t.valid.len());
+        let within = 100..t.valid.len() - 100;
+        for i in within {
+            let time = t.dt * i as f64;
+            assert!((t.tau[0][i] - math::sin(TAU * time)).abs() < 3e-6, "{} at {time} s", t.tau[0][i]);
+            assert!(t.tau[1][i].abs() < 1e-6, "{} at {time} s", t.tau[1][i]);
+            assert!((t.q[0][i] - s.q[0][5 * i]).abs() <= 0.0);
+        }
+    }
+
+    #[test]
+    fn a_sample_that_is_missing_takes_the_one_made_of_it_along() {
+        let mut s = segment();
+        s.valid[1007] = false;
+        let t = of(s.clone(), every(&s));
+        let gone: Vec<usize> = (0..t.valid.len()).filter(|&i| !t.valid[i]).collect();
+        assert_eq!(gone, [201]);
+    }
+
+    #[test]
+    fn nothing_is_thinned_up_to_ten_minutes() {
+        let s = segment();
+        let n = LONG / s.valid.len();
+        let (same, notes) = thin(vec![s.clone(); n]);
+        assert!(notes.is_empty() && same.iter().all(|x| x.valid.len() == s.valid.len()));
+        let (fewer, notes) = thin(vec![s.clone(); n + 1]);
+        assert!(notes.len() == n + 1 && fewer.iter().all(|x| x.valid.len() == s.valid.len() / 5), "{:?}", notes.first());
+    }
+}

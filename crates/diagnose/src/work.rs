@@ -434,7 +434,8 @@ fn standard_columns(design: &mut Design, motions: &[Motion], model: &Model, widt
             design.push(motions, sources.collect())
         })
         .collect();
-    let rigid = (0..n_rigid).map(|c| Box::new(move |m: &Motion| m.link_columns[c].iter().map(Tape::read).enumerate().collect()) as Make).collect();
+    let rigid =
+        (0..n_rigid).map(|c| Box::new(move |m: &Motion| m.link_columns[c].iter().map(Tape::read).enumerate().collect()) as Make).collect();
     let rigid = design.push(motions, rigid);
     StandardIds { rigid, viscous, coulomb, offset }
 }
