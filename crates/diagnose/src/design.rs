@@ -353,7 +353,7 @@ mod tests {
             (all, shelf.on_file())
         };
         let (here, nothing): (Vec<u64>, u64) = products(Shelf::default());
-        let (there, filed) = products(Shelf::with_room(0));
+        let (there, filed) = products(Shelf::with_room(0, std::env::temp_dir()));
         assert!(nothing == 0 && filed > 1 << 20, "{nothing} and {filed} bytes in the file");
         assert!(here.len() > 1000 && here == there);
     }

@@ -12,6 +12,7 @@ use crate::evidence::Diagnosis;
 use crate::integrity::{Integrity, integrity};
 use crate::located::{Watch, located};
 use crate::settings::Settings;
+use crate::shelf::Shelf;
 use crate::verdict::Use;
 use crate::work::Work;
 use crate::{gate, motion, search, segment, thinned};
@@ -89,7 +90,11 @@ pub fn diagnose_watched(
     let used: Vec<(&Recording, Use)> = cleaned.iter().zip(&all).map(|(r, (_, used))| (r, *used)).collect();
     let (segments, band) = segment::segments(robot, if is_changed { &used } else { &all }, settings.band_hz)?;
     drop(cleaned);
-    let (segments, thinned) = thinned::thin(segments);
+    let (mut segments, thinned) = thinned::thin(segments);
+    if let Some(folder) = &settings.scratch {
+        let shelf = Shelf::beside(folder);
+        segments.iter_mut().for_each(|s| s.shelf = shelf.clone());
+    }
     notes.extend(thinned);
     let n = segments.len();
     let mut motions = Vec::with_capacity(n);
@@ -121,7 +126,7 @@ pub fn diagnose_watched(
     let found = search::search(&mut work, band, settings, &mut |share| watch.progress(share));
     let mut out = assemble(&mut work, &found, (&description.bare, &mismatches), band, settings);
     if let Some(reason) = work.design.shelf.refused() {
-        return Err(InputError::Scratch { folder: std::env::temp_dir().display().to_string(), reason });
+        return Err(InputError::Scratch { folder: settings.scratch.clone().unwrap_or_default().display().to_string(), reason });
     }
     tracing::debug!(megabytes = work.design.shelf.on_file() >> 20, "series in a temporary file");
     notes.append(&mut out.verdict.notes);

@@ -1,8 +1,8 @@
 //! What the tool is for: when a model and recordings differ, locate the mismatch, name the physics left out, model it, and show on
 //! held-out data that the fit improves.
 //!
-//! Nothing about the robot's true physics may enter here except through the nominal robot and the recordings. The crate knows no
-//! files and no simulator.
+//! Nothing about the robot's true physics may enter here except through the nominal robot and the recordings. The crate knows no simulator
+//! and no files, but a temporary one for the series of long recordings where a folder for it is given ([`Settings::scratch`]).
 
 extern crate alloc;
 

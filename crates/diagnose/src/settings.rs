@@ -1,5 +1,7 @@
 //! What a user may set, and the constants of the decision with their reasons.
 
+use std::path::PathBuf;
+
 /// Settings of a diagnosis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
@@ -20,6 +22,9 @@ pub struct Settings {
     pub confirm_level: f64,
     /// Seed of the null runs' random phases.
     pub seed: u64,
+    /// Folder for a temporary file in which series of long recordings wait, beyond half a gigabyte of them; without one all stay in memory. It
+    /// changes no number.
+    pub scratch: Option<PathBuf>,
 }
 
 impl Settings {
@@ -36,7 +41,16 @@ impl Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { band_hz: None, floor: 0.03, tolerance: 0.005, null_runs: 199, search_level: 0.2, confirm_level: 0.05, seed: 1 }
+        Self {
+            band_hz: None,
+            floor: 0.03,
+            tolerance: 0.005,
+            null_runs: 199,
+            search_level: 0.2,
+            confirm_level: 0.05,
+            seed: 1,
+            scratch: None,
+        }
     }
 }
 

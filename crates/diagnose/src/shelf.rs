@@ -1,4 +1,5 @@
-//! Long series that wait to be used: in memory as long as there is room, beyond that in a temporary file that has no name.
+//! Long series that wait to be used: in memory as long as there is room, beyond that in a temporary file that has no name, where a folder for
+//! one was given.
 //!
 //! What is read is to the bit what was put, wherever it lay, so how much room there is changes no verdict.
 
@@ -6,6 +7,7 @@ use alloc::collections::BTreeMap;
 use alloc::sync::Arc;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Numbers that all series of one diagnosis may keep in memory: half a gigabyte.
@@ -25,6 +27,7 @@ pub(crate) struct Shelf(Arc<Mutex<State>>);
 struct State {
     /// Numbers that may still be kept in memory.
     room: usize,
+    folder: PathBuf,
     file: Option<File>,
     /// End of the file, in numbers.
     end: u64,
@@ -35,15 +38,21 @@ struct State {
 }
 
 impl Default for Shelf {
+    /// Everything stays in memory.
     fn default() -> Self {
-        Self::with_room(ROOM)
+        Self::with_room(usize::MAX, PathBuf::new())
     }
 }
 
 impl Shelf {
+    /// With a temporary file in `folder` for what is beyond half a gigabyte.
+    pub(crate) fn beside(folder: &Path) -> Self {
+        Self::with_room(ROOM, folder.to_path_buf())
+    }
+
     /// Keeps `room` numbers in memory.
-    pub(crate) fn with_room(room: usize) -> Self {
-        Self(Arc::new(Mutex::new(State { room, file: None, end: 0, free: BTreeMap::new(), refused: None })))
+    pub(crate) fn with_room(room: usize, folder: PathBuf) -> Self {
+        Self(Arc::new(Mutex::new(State { room, folder, file: None, end: 0, free: BTreeMap::new(), refused: None })))
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -78,7 +87,8 @@ impl State {
     /// Where in the file the numbers went; nothing where no file can be had: they stay in memory then.
     fn write(&mut self, x: &[f64]) -> Option<u64> {
         if self.file.is_none() {
-            self.file = tempfile::tempfile().inspect_err(|e| tracing::warn!("no temporary file, series stay in memory: {e}")).ok();
+            let made = tempfile::tempfile_in(&self.folder);
+            self.file = made.inspect_err(|e| tracing::warn!("no temporary file, series stay in memory: {e}")).ok();
         }
         let file = self.file.as_mut()?;
         let at = self.free.get_mut(&x.len()).and_then(Vec::pop);
@@ -232,7 +242,7 @@ mod tests {
 
     #[test]
     fn what_lies_in_the_file_comes_back_to_the_bit_and_its_place_is_used_again() {
-        let shelf = Shelf::with_room(100);
+        let shelf = Shelf::with_room(100, std::env::temp_dir());
         let (kept, filed) = (shelf.put(series(80, 0.1)), shelf.put(series(50, 0.3)));
         assert_eq!(shelf.on_file(), 400);
         assert_eq!((bits(&kept.read()), bits(&filed.read())), (bits(&series(80, 0.1)), bits(&series(50, 0.3))));
@@ -248,7 +258,7 @@ mod tests {
     fn a_tape_is_what_was_pushed_wherever_its_chunks_lie() {
         let x = series(3 * CHUNK + 17, 1e-3);
         for room in [0, CHUNK, usize::MAX] {
-            let shelf = Shelf::with_room(room);
+            let shelf = Shelf::with_room(room, std::env::temp_dir());
             let mut tape = Tape::new(&shelf);
             x.iter().for_each(|x| tape.push(*x));
             assert_eq!(bits(&tape.read()), bits(&x));
@@ -262,11 +272,19 @@ mod tests {
 
     #[test]
     fn a_file_that_is_gone_is_told_and_no_panic() {
-        let shelf = Shelf::with_room(0);
+        let shelf = Shelf::with_room(0, std::env::temp_dir());
         let filed = shelf.put(series(10, 1.0));
         if let Some(file) = &shelf.state().file {
             file.set_len(8).expect("a file can be cut");
         }
         assert_eq!((filed.read(), shelf.refused().is_some()), (vec![0.0; 10], true));
+    }
+
+    #[test]
+    fn without_a_folder_or_with_one_that_is_not_there_series_stay_in_memory() {
+        for shelf in [Shelf::default(), Shelf::with_room(0, PathBuf::from("no such folder"))] {
+            let stored = shelf.put(series(50, 0.2));
+            assert_eq!((bits(&stored.read()), shelf.on_file(), shelf.refused()), (bits(&series(50, 0.2)), 0, None));
+        }
     }
 }

@@ -40,6 +40,7 @@ impl SettingsArgs {
             floor: self.floor.unwrap_or(default.floor),
             seed: self.seed.unwrap_or(default.seed),
             null_runs: self.null_runs.map_or(default.null_runs, usize::from),
+            scratch: Some(std::env::temp_dir()),
             ..default
         }
     }
