@@ -22,7 +22,7 @@ use crate::{check, out, robot_file};
 Exit status: 0 the diagnosis ran, 1 with --fail-on-mismatch when something was found, 2 bad usage or bad input.
 
 Long recordings: beyond 600 000 samples together they are taken at 50 samples per period of the band (a note in the verdict says so); beyond half
-a gigabyte what is computed from them waits in a nameless file in the folder of temporary files, some 2 GB per million samples of six axes.
+a gigabyte what is computed from them waits in a nameless file in the folder of temporary files.
 On a terminal, or with -v, the joint and regime with the largest mismatch are told on standard error long before the verdict.
 
 Examples:
