@@ -28,7 +28,7 @@ cargo xtask peers [ARGS ...]  pkm-dyn and Pinocchio's C++ in one run, into bench
 cargo xtask slicot [N]        μ beside SLICOT's AB13MD on N problems in one run, into benches/README.md
 cargo xtask identify-peers [N]  identification beside Pinocchio, scipy and cvxpy, best of N rounds, into benches/README.md
 cargo xtask benches [--table] the three above in turn, their ratios into docs/BENCHES.md; or the ratios alone
-cargo xtask diagnose-times [S ...]  a diagnosis of a six-axis arm over recordings of so many seconds: time and peak memory
+cargo xtask diagnose-times [S ...]  a diagnosis of a six-axis arm over recordings of so many seconds: time and memory, into benches/README.md
 cargo xtask prove-baselines DIR [NAME ...]  other methods on the blind trials that `pkm prove` made in DIR, scored beside the diagnosis
 cargo xtask package [--no-verify] [--no-wheel]  all that publishing does but the upload: every crate in order, and the wheel
 cargo xtask atlas [EFFECT ...]  numbers and pictures of the guide's pages on effects

@@ -65,6 +65,13 @@ pub(crate) fn answer(command: &mut Command) -> Option<String> {
     Some(String::from_utf8_lossy(&output.stdout).trim().to_string())
 }
 
+/// Time since now, whenever it is asked for.
+pub(crate) fn stopwatch() -> impl Fn() -> Duration + Copy + Send + 'static {
+    #[expect(clippy::disallowed_methods, reason = "durations of runs, shown and forgotten; xtask depends on no crate")]
+    let start = Instant::now();
+    move || start.elapsed()
+}
+
 /// The result of `work` and how long it took.
 pub(crate) fn timed<T>(work: impl FnOnce() -> T) -> (T, Duration) {
     #[expect(clippy::disallowed_methods, reason = "durations of build steps, shown and forgotten; xtask depends on no crate")]

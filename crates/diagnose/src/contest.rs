@@ -245,25 +245,23 @@ pub(crate) fn own_columns(work: &Work, variant: &Variant, ground: &[ColumnId]) -
     new.map(|(&id, &sd)| (id, work.inverse_variance(id, sd))).unzip()
 }
 
-/// Null runs: what is left, turned round through its recording by a time drawn anew and with a sign drawn anew, the same for all joints of a
-/// recording.
-///
-/// Turning keeps all that chance is made of: the spectrum, what joints have in common, and that a joint which sticks errs in bursts at its
-/// reversals. It loses only what keeps time with this motion. Phases drawn at random would spread the bursts evenly, and a law that acts
-/// where they are would surprise too easily.
+/// Null runs: what is left, with its spectrum kept and its phases drawn anew, the same for all joints of a recording.
 pub(crate) fn surrogates(work: &Work, left: &[Vec<Vec<f64>>], settings: &Settings) -> Targets {
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
-    let mut turn = |rows: &crate::rows::Rows| (rng.random::<f64>() * rows.time.len() as f64, rng.random::<bool>());
-    let turns: Vec<Vec<(f64, bool)>> = (0..settings.null_runs).map(|_| work.design.rows.iter().map(&mut turn).collect()).collect();
-    turns.par_iter().map(|turns| left.iter().map(|joint| joint.iter().zip(turns).map(turned).collect()).collect()).collect()
-}
-
-/// A series turned round by a number of samples, its sign changed where asked for.
-fn turned((x, &(by, is_flipped)): (&Vec<f64>, &(f64, bool))) -> Vec<f64> {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of the length of a series")]
-    let by = (by as usize).min(x.len());
-    let sign = if is_flipped { -1.0 } else { 1.0 };
-    x[by..].iter().chain(&x[..by]).map(|x| sign * x).collect()
+    let phases: Vec<Vec<Vec<f64>>> = (0..settings.null_runs)
+        .map(|_| {
+            let draw = |rows: &crate::rows::Rows, rng: &mut ChaCha8Rng| {
+                (0..rows.time.len() / 2 + 1).map(|_| core::f64::consts::TAU * rng.random::<f64>()).collect()
+            };
+            work.design.rows.iter().map(|rows| draw(rows, &mut rng)).collect()
+        })
+        .collect();
+    phases
+        .par_iter()
+        .map(|phases| {
+            left.iter().map(|joint| joint.iter().zip(phases).map(|(x, p)| pkm_ident::spectrum::phase_randomised(x, p)).collect()).collect()
+        })
+        .collect()
 }
 
 /// The first candidate, best first, that is real, worth having and physical; the reasons of those before it are noted.

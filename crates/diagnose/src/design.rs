@@ -11,6 +11,7 @@ use crate::motion::{Motion, softness_widths};
 use crate::rows::{FineGrid, Rows, folds, rows, standstill};
 use crate::settings::SOFTNESS;
 use crate::sharing::Sharing;
+use crate::shelf::{Shelf, Stored};
 
 /// Index of a column in the whole design.
 pub(crate) type ColumnId = usize;
@@ -25,11 +26,22 @@ pub(crate) struct Chain {
 /// Filtered series on the fine grid; [segment].
 pub(crate) type Fine = Vec<Vec<f64>>;
 
-/// A filtered series twice: as it is, and with standstill set to zero before the filter.
+/// A filtered series twice, by segment: as it is, on the fine grid, for a chain may yet be run over it, and at the rows; and with standstill
+/// set to zero before the filter, at the rows.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Pair {
-    pub(crate) plain: Fine,
-    pub(crate) cut: Fine,
+    pub(crate) plain: Vec<Stored>,
+    at_rows: Vec<Stored>,
+    cut: Vec<Stored>,
+}
+
+impl Pair {
+    /// Adds a segment with `n` rows; both series are on the fine grid.
+    fn put(&mut self, shelf: &Shelf, (grid, n): (&FineGrid, usize), plain: Vec<f64>, cut: Option<&[f64]>) {
+        self.at_rows.push(shelf.put(grid.at_rows(&plain, n)));
+        self.cut.push(shelf.put(cut.map_or_else(|| vec![0.0; n], |x| grid.at_rows(x, n))));
+        self.plain.push(shelf.put(plain));
+    }
 }
 
 /// One column: per joint it acts on, its filtered series.
@@ -73,6 +85,8 @@ pub(crate) struct Design {
     still: Vec<Vec<Vec<bool>>>,
     /// How surplus drives share efforts, by segment; empty without any.
     sharing: Vec<Sharing>,
+    /// Where all columns lie.
+    pub(crate) shelf: Shelf,
 }
 
 /// Makes a column's raw series for one segment.
@@ -94,14 +108,14 @@ impl Design {
         if !sharing.is_empty() {
             rows.iter_mut().for_each(|r| clean_together(&mut r.clean[..n_drives]));
         }
+        let shelf = motions.first().map_or_else(Shelf::default, |m| m.segment.shelf.clone());
         let pairs = |of: &dyn Fn(&Motion) -> Vec<Vec<f64>>| {
             let mut out = vec![Pair::default(); n_joints];
             for (s, motion) in motions.iter().enumerate() {
                 let series: Series = of(motion).into_iter().enumerate().collect();
                 let cut = cut(&series, &still[s], sharing.get(s));
                 for ((pair, (_, plain)), (_, cut)) in out.iter_mut().zip(&series).zip(&cut) {
-                    pair.plain.push(fine[s].fine(plain));
-                    pair.cut.push(fine[s].fine(cut));
+                    pair.put(&shelf, (&fine[s], rows[s].time.len()), fine[s].fine(plain), Some(&fine[s].fine(cut)));
                 }
             }
             out
@@ -138,6 +152,7 @@ impl Design {
             weight: vec![1.0; n_joints],
             still,
             sharing,
+            shelf,
         }
     }
 
@@ -153,27 +168,27 @@ impl Design {
 
     /// Adds columns given by their raw series per segment, filtered here exactly as the effort is; returns their ids.
     pub(crate) fn push(&mut self, motions: &[Motion], sources: Vec<Make>) -> Vec<ColumnId> {
-        let (fine, still, sharing) = (&self.fine, &self.still, &self.sharing);
+        let (fine, still, sharing, rows, shelf) = (&self.fine, &self.still, &self.sharing, &self.rows, &self.shelf);
         let new: Vec<Column> = sources
             .par_iter()
             .map(|source| {
-                let mut joints: Vec<(usize, Pair)> = Vec::new();
+                let mut joints: Vec<(usize, Pair, bool)> = Vec::new();
                 for (s, motion) in motions.iter().enumerate() {
                     let series = source(motion);
                     let (whole, cut) = (sharing.get(s).map(|x| x.whole(&series)), cut(&series, &still[s], sharing.get(s)));
                     for ((joint, plain), (_, cut)) in whole.unwrap_or(series).into_iter().zip(cut) {
                         let (plain, cut) = (fine[s].fine(&plain), fine[s].fine(&cut));
-                        let at = joints.iter().position(|(j, _)| *j == joint).unwrap_or_else(|| {
-                            joints.push((joint, Pair::default()));
+                        let at = joints.iter().position(|(j, ..)| *j == joint).unwrap_or_else(|| {
+                            joints.push((joint, Pair::default(), false));
                             joints.len() - 1
                         });
-                        joints[at].1.plain.push(plain);
-                        joints[at].1.cut.push(cut);
+                        let (_, pair, acts) = &mut joints[at];
+                        *acts |= plain.iter().any(|x| x.abs() > 0.0);
+                        pair.put(shelf, (&fine[s], rows[s].time.len()), plain, Some(&cut));
                     }
                 }
                 // A column that is zero everywhere acts nowhere.
-                joints.retain(|(_, p)| p.plain.iter().flatten().any(|x| x.abs() > 0.0));
-                Column { joints }
+                Column { joints: joints.into_iter().filter(|(.., acts)| *acts).map(|(j, pair, _)| (j, pair)).collect() }
             })
             .collect();
         let first = self.columns.len();
@@ -200,17 +215,21 @@ impl Design {
         self.fine[segment].fine(&cut)
     }
 
-    /// Adds a column that is already filtered and on the fine grid, or replaces one. Fits see those of surplus drives on clean rows only.
-    pub(crate) fn put_fine(&mut self, at: Option<ColumnId>, joint: usize, pair: Pair) -> ColumnId {
-        let on_clean_rows = |plain: Fine| {
-            let cut = plain.iter().map(|x| vec![0.0; x.len()]).collect();
-            Pair { plain, cut }
+    /// Adds a column that is already filtered and on the fine grid, plain and with standstill cut out of it, or replaces one. Fits see those
+    /// without a cut, and those of surplus drives, on clean rows only.
+    pub(crate) fn put_fine(&mut self, at: Option<ColumnId>, joint: usize, (plain, cut): (Fine, &Fine)) -> ColumnId {
+        let stored = |plain: Fine, cut: &Fine| {
+            let mut out = Pair::default();
+            for (s, x) in plain.into_iter().enumerate() {
+                out.put(&self.shelf, (&self.fine[s], self.rows[s].time.len()), x, cut.get(s).map(Vec::as_slice));
+            }
+            out
         };
         let spread = |k: usize| {
             let of_segment = |(s, x): (usize, &Vec<f64>)| self.sharing[s].thinned(joint, x, self.fine[s].step).swap_remove(k);
-            (k, on_clean_rows(pair.plain.iter().enumerate().map(of_segment).collect()))
+            (k, stored(plain.iter().enumerate().map(of_segment).collect(), &Fine::new()))
         };
-        let joints = if self.is_shared() { (0..self.n_drives).map(spread).collect() } else { vec![(joint, pair)] };
+        let joints = if self.is_shared() { (0..self.n_drives).map(spread).collect() } else { vec![(joint, stored(plain, cut))] };
         let column = Column { joints };
         match at {
             Some(id) => {
@@ -240,16 +259,19 @@ impl Design {
     }
 
     fn thin(&self, segment: usize, x: &[f64]) -> Vec<f64> {
-        let n = self.rows[segment].time.len();
-        x.iter().step_by(self.fine[segment].thin).take(n).copied().collect()
+        self.fine[segment].at_rows(x, self.rows[segment].time.len())
     }
 
     fn view(&self, pair: &Pair, chain: Chain, (joint, segment): (usize, usize), view: View) -> Vec<f64> {
-        let through = self.thin(segment, &self.through_chain(chain, segment, &pair.plain[segment]));
+        let through = if chain == Chain::default() || self.is_shared() {
+            pair.at_rows[segment].read()
+        } else {
+            self.thin(segment, &self.through_chain(chain, segment, &pair.plain[segment].read()))
+        };
         if view == View::Judge {
             return through;
         }
-        let cut = self.thin(segment, &pair.cut[segment]);
+        let cut = pair.cut[segment].read();
         let clean = &self.rows[segment].clean[joint];
         through.iter().zip(cut).zip(clean).map(|((plain, cut), clean)| if *clean { *plain } else { cut }).collect()
     }
@@ -309,4 +331,30 @@ fn clean_together(clean: &mut [Vec<bool>]) {
 /// Widths of smoothed directions per segment: [segment][softness][tree joint].
 pub(crate) fn widths(robot: &Robot, motions: &[Motion]) -> Vec<Vec<Vec<f64>>> {
     motions.iter().map(|m| softness_widths(&robot.model, m)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::motion;
+    use crate::segment::Segment;
+    use crate::testing::Bench;
+    use crate::work::Work;
+
+    #[test]
+    fn products_are_the_same_to_the_bit_wherever_the_series_lie() {
+        let bench = Bench::pair();
+        let robot = Robot::new(bench.model.clone(), Vec::new());
+        let products = |shelf: Shelf| {
+            let segment = Segment { shelf: shelf.clone(), ..bench.motion.segment.clone() };
+            let mut motions = vec![motion(&robot, segment).expect("sliders have no loops")];
+            let work = Work::planned(&robot, &mut motions, 5.0, &[1.0, 1.0], None);
+            let all = work.gram.xx_all.iter().flat_map(|x| (0..x.ncols()).flat_map(|c| x.col(c).iter().map(|v| v.to_bits()))).collect();
+            (all, shelf.on_file())
+        };
+        let (here, nothing): (Vec<u64>, u64) = products(Shelf::default());
+        let (there, filed) = products(Shelf::with_room(0, std::env::temp_dir()));
+        assert!(nothing == 0 && filed > 1 << 20, "{nothing} and {filed} bytes in the file");
+        assert!(here.len() > 1000 && here == there);
+    }
 }

@@ -6,13 +6,16 @@ use pkm_ident::Recording;
 
 use crate::assemble::assemble;
 use crate::controller::{ControllerTwin, Replayed, replay};
+use crate::design::Design;
 use crate::error::InputError;
 use crate::evidence::Diagnosis;
 use crate::integrity::{Integrity, integrity};
+use crate::located::{Watch, located};
 use crate::settings::Settings;
+use crate::shelf::Shelf;
 use crate::verdict::Use;
 use crate::work::Work;
-use crate::{gate, motion, search, segment};
+use crate::{gate, motion, search, segment, thinned};
 
 /// Finds the physics that the robot's files leave out of what the recordings show.
 ///
@@ -31,6 +34,15 @@ pub fn diagnose(
     diagnose_with_controller(description, (train, holdout), settings, None, progress)
 }
 
+/// Whoever wants to know the progress and no more.
+struct Share<'p>(&'p mut dyn FnMut(f64));
+
+impl Watch for Share<'_> {
+    fn progress(&mut self, share: f64) {
+        (self.0)(share);
+    }
+}
+
 /// As [`diagnose`] for recordings that a stated controller made, the first of `recordings` fitted and the second held out: before anything
 /// else the controller is replayed on them, and a recorded command that is not the controller's is named.
 ///
@@ -42,6 +54,21 @@ pub fn diagnose_with_controller(
     settings: &Settings,
     controller: Option<&mut dyn ControllerTwin>,
     progress: &mut dyn FnMut(f64),
+) -> Result<Diagnosis, InputError> {
+    diagnose_watched(description, recordings, settings, controller, &mut Share(progress))
+}
+
+/// As [`diagnose_with_controller`], told to `watch` while it runs: the progress, and where the largest mismatch is long before its cause is
+/// known.
+///
+/// # Errors
+/// As [`diagnose`].
+pub fn diagnose_watched(
+    description: &Description,
+    recordings: (&[Recording], &[Recording]),
+    settings: &Settings,
+    controller: Option<&mut dyn ControllerTwin>,
+    watch: &mut dyn Watch,
 ) -> Result<Diagnosis, InputError> {
     let (train, holdout) = recordings;
     let robot = &description.robot;
@@ -56,10 +83,19 @@ pub fn diagnose_with_controller(
     if !reasons.is_empty() {
         return Ok(gate::unusable(robot, &all, &reasons, notes));
     }
-    let mut cleaned: Vec<Recording> = all.iter().zip(&seen).map(|((r, _), s)| s.cleaned(r)).collect();
+    // Recordings may be hours long: they are copied where something in them is changed, and copies are gone before anything is made of them.
+    let is_changed = controller.is_some() || seen.iter().any(Integrity::is_spoiled);
+    let mut cleaned: Vec<Recording> = all.iter().zip(&seen).filter(|_| is_changed).map(|((r, _), s)| s.cleaned(r)).collect();
     let mismatches = controller.map_or_else(Vec::new, |twin| mismatches(robot, twin, &mut cleaned, &mut notes));
-    let all: Vec<(&Recording, Use)> = cleaned.iter().zip(&all).map(|(r, (_, used))| (r, *used)).collect();
-    let (segments, band) = segment::segments(robot, &all, settings.band_hz)?;
+    let used: Vec<(&Recording, Use)> = cleaned.iter().zip(&all).map(|(r, (_, used))| (r, *used)).collect();
+    let (segments, band) = segment::segments(robot, if is_changed { &used } else { &all }, settings.band_hz)?;
+    drop(cleaned);
+    let (mut segments, thinned) = thinned::thin(segments);
+    if let Some(folder) = &settings.scratch {
+        let shelf = Shelf::beside(folder);
+        segments.iter_mut().for_each(|s| s.shelf = shelf.clone());
+    }
+    notes.extend(thinned);
     let n = segments.len();
     let mut motions = Vec::with_capacity(n);
     for (i, s) in segments.into_iter().enumerate() {
@@ -71,25 +107,31 @@ pub fn diagnose_with_controller(
             }
             Err(other) => return Err(other),
         }
-        progress(0.2 * (i + 1) as f64 / n as f64);
+        watch.progress(0.2 * (i + 1) as f64 / n as f64);
     }
     let reasons = [gate::reasons(robot, &motions), gate::clocks(robot, &motions)].concat();
     if !reasons.is_empty() {
         return Ok(gate::unusable(robot, &all, &reasons, notes));
     }
-    let mut work = Work::new(robot, &motions, band);
+    let design = Design::new(robot, &motions, band);
+    watch.located(located(&robot.model, &motions, &design).as_ref());
+    let mut work = Work::new(robot, &mut motions, design, band);
     if let Some(reasons) = crate::enough::reasons(&work.design, band) {
         return Ok(gate::unusable(robot, &all, &reasons, notes));
     }
     for m in mismatches.iter().filter(|m| m.is_scaled()) {
         work.missing[m.drive] = m.share;
     }
-    progress(0.3);
-    let found = search::search(&mut work, band, settings, progress);
+    watch.progress(0.3);
+    let found = search::search(&mut work, band, settings, &mut |share| watch.progress(share));
     let mut out = assemble(&mut work, &found, (&description.bare, &mismatches), band, settings);
+    if let Some(reason) = work.design.shelf.refused() {
+        return Err(InputError::Scratch { folder: settings.scratch.clone().unwrap_or_default().display().to_string(), reason });
+    }
+    tracing::debug!(megabytes = work.design.shelf.on_file() >> 20, "series in a temporary file");
     notes.append(&mut out.verdict.notes);
     out.verdict.notes = notes;
-    progress(1.0);
+    watch.progress(1.0);
     Ok(out)
 }
 

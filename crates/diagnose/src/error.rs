@@ -88,6 +88,14 @@ pub enum InputError {
         /// What is too little of what.
         reason: String,
     },
+    /// The temporary file that a long recording's series lie in gave something else back than it took.
+    #[error("temporary file of the diagnosis in {folder:?}: {reason}")]
+    Scratch {
+        /// Folder of temporary files.
+        folder: String,
+        /// What the file system said.
+        reason: String,
+    },
     /// Noise of efforts that cannot be.
     #[error("noise of {joint}: {detail}")]
     Noise {

@@ -14,6 +14,7 @@ use pkm_ident::excitation::{Criterion, Excitation, Settings as Search, excite};
 use crate::isolability::cosine_of;
 use crate::motion::{Motion, motion, top_speed};
 use crate::segment::Segment;
+use crate::shelf::Tape;
 use crate::verdict::{EffectAt, Experiment, Finding, Use};
 use crate::work::{Variant, Work};
 
@@ -219,7 +220,7 @@ fn loaded(work: &Work, now: &Segment) -> Vec<Intervention> {
     }
     let model = &work.robot.model;
     let massive = model.massive_links();
-    let felt = |l: usize| -> f64 { work.motions[0].link_columns[N_INERTIAL * l].iter().flatten().map(|x| x * x).sum() };
+    let felt = |l: usize| -> f64 { work.motions[0].link_columns[N_INERTIAL * l].iter().map(Tape::square).sum() };
     let Some(l) = (0..massive.len()).max_by(|&a, &b| felt(a).total_cmp(&felt(b))) else { return Vec::new() };
     let moving: f64 = massive.iter().map(|&l| model.links[l].parameters.mass).sum();
     let (name, centre) = (&model.links[massive[l]].name, model.links[massive[l]].parameters.centre_of_mass().0);
@@ -315,8 +316,8 @@ fn angles(
     pairs: &[(usize, usize)],
 ) -> Vec<Option<f64>> {
     let motions: Result<Vec<Motion>, _> = segments.iter().map(|s| motion(work.robot, (*s).clone())).collect();
-    let Ok(motions) = motions else { return vec![None; pairs.len()] };
-    let mut bench = Work::planned(work.robot, &motions, band, &work.design.weight, Some(names));
+    let Ok(mut motions) = motions else { return vec![None; pairs.len()] };
+    let mut bench = Work::planned(work.robot, &mut motions, band, &work.design.weight, Some(names));
     bench.kappa = work.kappa;
     bench.softness = work.softness;
     let of = |f: &Finding, a: &EffectAt| {

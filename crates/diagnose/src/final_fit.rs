@@ -3,7 +3,7 @@
 use faer::Mat;
 use pkm_dyn::math;
 
-use crate::design::{ColumnId, View};
+use crate::design::{ColumnId, Design, View};
 use crate::rows::Rows;
 use crate::screen;
 use crate::solve::Over;
@@ -72,19 +72,24 @@ pub(crate) struct JointError {
 
 /// Errors per joint of what is left, over held-out rows, standstill included.
 pub(crate) fn errors(work: &Work, left: &[Vec<Vec<f64>>]) -> Vec<JointError> {
-    errors_in(work, left, View::Judge)
+    errors_on(&work.design, left)
+}
+
+/// The same before there is anything but rows.
+pub(crate) fn errors_on(design: &Design, left: &[Vec<Vec<f64>>]) -> Vec<JointError> {
+    errors_in(design, left, View::Judge)
 }
 
 /// The same where each joint moves, standstill cut out of what is left: friction of a joint that stands is whatever holds it.
 pub(crate) fn errors_in_motion(work: &Work, left: &[Vec<Vec<f64>>]) -> Vec<JointError> {
-    errors_in(work, left, View::Fit)
+    errors_in(&work.design, left, View::Fit)
 }
 
-fn errors_in(work: &Work, left: &[Vec<Vec<f64>>], view: View) -> Vec<JointError> {
+fn errors_in(design: &Design, left: &[Vec<Vec<f64>>], view: View) -> Vec<JointError> {
     let rms_of = |j: usize| {
         let (mut e2, mut y2, mut n) = (0.0, 0.0, 0_usize);
-        for (s, rows) in work.design.rows.iter().enumerate() {
-            let measured = work.design.measured_rows(j, s, view);
+        for (s, rows) in design.rows.iter().enumerate() {
+            let measured = design.measured_rows(j, s, view);
             let counts = |i: usize| rows.valid[i] && rows.fold[i].is_none() && (view == View::Judge || rows.moving[j][i]);
             for i in (0..rows.time.len()).filter(|&i| counts(i)) {
                 e2 += left[j][s][i] * left[j][s][i];
@@ -95,7 +100,7 @@ fn errors_in(work: &Work, left: &[Vec<Vec<f64>>], view: View) -> Vec<JointError>
         let rms = |sum: f64| math::sqrt(sum / n.max(1) as f64);
         JointError { effort: rms(y2), error: rms(e2) }
     };
-    (0..work.design.n_drives).map(rms_of).collect()
+    (0..design.n_drives).map(rms_of).collect()
 }
 
 /// The verdict's number: root mean square over joints of error over effort.
@@ -108,14 +113,18 @@ pub(crate) fn pooled(errors: &[JointError]) -> f64 {
 /// What the model as given leaves, its own chain included: [joint][segment][row]. Where the recorded command lacked a share of the
 /// controller's that is `missing`, the model's effort is too large by it for the recording as it was.
 pub(crate) fn left_as_given(work: &Work, missing: &[f64], view: View) -> Vec<Vec<Vec<f64>>> {
-    let d = &work.design;
+    left_on(&work.design, work.softness, missing, view)
+}
+
+/// The same before there is anything but rows.
+pub(crate) fn left_on(d: &Design, softness: usize, missing: &[f64], view: View) -> Vec<Vec<Vec<f64>>> {
     (0..d.n_joints)
         .map(|j| {
             (0..d.rows.len())
                 .map(|s| {
                     d.measured_rows(j, s, view)
                         .iter()
-                        .zip(d.as_given_rows(work.softness, j, s, view))
+                        .zip(d.as_given_rows(softness, j, s, view))
                         .map(|(y, m)| y - m / (1.0 - missing.get(j).copied().unwrap_or(0.0)))
                         .collect()
                 })

@@ -113,27 +113,27 @@ fn stacks(design: &Design, active: &[Vec<ColumnId>]) -> Vec<Vec<Stack>> {
             }
         }
     }
-    // Values are computed once per joint, column and segment, then dealt out to the folds.
-    let values: Vec<Vec<Vec<Vec<f64>>>> = active
+    // Values are computed once per column and segment, dealt out to the folds, and gone: of a long recording they are as large as the stacks.
+    let by_joint: Vec<Vec<Mat<f64>>> = active
         .par_iter()
         .enumerate()
         .map(|(j, ids)| {
-            ids.iter().map(|&id| (0..design.rows.len()).map(|s| design.values(id, j, s, View::Fit).unwrap_or_default()).collect()).collect()
+            let mut folds: Vec<Mat<f64>> = lines.iter().map(|joints| Mat::zeros(joints[j].len(), ids.len())).collect();
+            for (c, &id) in ids.iter().enumerate() {
+                let values: Vec<Vec<f64>> =
+                    (0..design.rows.len()).map(|s| design.values(id, j, s, View::Fit).unwrap_or_default()).collect();
+                for (x, joints) in folds.iter_mut().zip(&lines) {
+                    joints[j].iter().enumerate().for_each(|(i, &(s, row))| x[(i, c)] = design.weight[j] * values[s][row]);
+                }
+            }
+            folds
         })
         .collect();
-    lines
-        .into_iter()
-        .map(|joints| {
-            joints
-                .into_iter()
-                .enumerate()
-                .map(|(j, at)| {
-                    let x = Mat::from_fn(at.len(), active[j].len(), |i, c| design.weight[j] * values[j][c][at[i].0][at[i].1]);
-                    Stack { x, at }
-                })
-                .collect()
-        })
-        .collect()
+    let mut columns: Vec<_> = by_joint.into_iter().map(Vec::into_iter).collect();
+    let of_fold = |joints: Vec<Vec<(usize, usize)>>| {
+        joints.into_iter().zip(&mut columns).filter_map(|(at, folds)| Some(Stack { x: folds.next()?, at })).collect()
+    };
+    lines.into_iter().map(of_fold).collect()
 }
 
 fn scales(n_columns: usize, active: &[Vec<ColumnId>], stacks: &[Vec<Stack>]) -> Vec<f64> {

@@ -7,6 +7,8 @@ use pkm_dyn::model::FrameOnBody;
 use pkm_dyn::spatial::Pose;
 use pkm_dyn::{Data, Model};
 
+use crate::shelf::{Shelf, Tape};
+
 /// A link along a segment, in the root frame. Components are force or translation first; innermost index: raw sample.
 #[derive(Debug, Clone)]
 pub(crate) struct Held {
@@ -18,7 +20,7 @@ pub(crate) struct Held {
     /// Velocity of its origin `[m/s]`, then its angular velocity `[rad/s]`.
     pub(crate) velocity: [Vec<f64>; 6],
     /// Effort of each drive per unit of each component of a wrench of the robot on its environment: [component][drive].
-    pub(crate) push: [Vec<Vec<f64>>; 6],
+    pub(crate) push: [Vec<Tape>; 6],
     start: Pose,
 }
 
@@ -56,15 +58,15 @@ pub(crate) fn followed(robot: &Robot) -> Vec<usize> {
 }
 
 impl Held {
-    /// Room for `n` samples and `drives` drives.
-    pub(crate) fn new(link: usize, drives: usize, n: usize) -> Self {
+    /// Room for `n` samples and `drives` drives, on `shelf`.
+    pub(crate) fn new(link: usize, (drives, n): (usize, usize), shelf: &Shelf) -> Self {
         let zero = || vec![0.0; n];
         Self {
             link,
             position: core::array::from_fn(|_| zero()),
             displacement: core::array::from_fn(|_| zero()),
             velocity: core::array::from_fn(|_| zero()),
-            push: core::array::from_fn(|_| vec![zero(); drives]),
+            push: core::array::from_fn(|_| vec![Tape::new(shelf); drives]),
             start: Pose::identity(),
         }
     }
@@ -89,7 +91,7 @@ impl Held {
             let row = jacobian.row(c);
             self.velocity[c][i] = row.iter().zip(&data.v).map(|(j, v)| j * v).sum();
             for (k, push) in self.push[c].iter_mut().enumerate() {
-                push[i] = row.iter().zip(reduction.column(k).iter()).map(|(j, g)| j * g).sum();
+                push.push(row.iter().zip(reduction.column(k).iter()).map(|(j, g)| j * g).sum());
             }
         }
     }
@@ -104,8 +106,12 @@ impl Held {
         }
     }
 
-    /// Effort of drive `k` at sample `i` under a wrench of the robot on its environment.
-    pub(crate) fn felt(&self, wrench: &[f64; 6], k: usize, i: usize) -> f64 {
-        wrench.iter().zip(&self.push).map(|(w, p)| w * p[k][i]).sum()
+    /// Effort of drive `k` under a wrench of the robot on its environment, given by some of its components: [component][sample].
+    pub(crate) fn felt(&self, wrench: &[Vec<f64>], components: core::ops::Range<usize>, k: usize) -> Vec<f64> {
+        let mut out = vec![0.0; self.position[0].len()];
+        for (w, push) in wrench.iter().zip(&self.push[components]) {
+            out.iter_mut().zip(w).zip(push[k].read()).for_each(|((sum, w), p)| *sum += w * p);
+        }
+        out
     }
 }

@@ -40,6 +40,11 @@ pub(crate) struct Integrity {
 }
 
 impl Integrity {
+    /// Whether any sample is to be taken out.
+    pub(crate) fn is_spoiled(&self) -> bool {
+        !self.spoiled.is_empty()
+    }
+
     /// The recording without the samples that are spoiled.
     pub(crate) fn cleaned(&self, r: &Recording) -> Recording {
         let mut out = r.clone();

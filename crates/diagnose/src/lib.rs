@@ -1,8 +1,8 @@
 //! What the tool is for: when a model and recordings differ, locate the mismatch, name the physics left out, model it, and show on
 //! held-out data that the fit improves.
 //!
-//! Nothing about the robot's true physics may enter here except through the nominal robot and the recordings. The crate knows no
-//! files and no simulator.
+//! Nothing about the robot's true physics may enter here except through the nominal robot and the recordings. The crate knows no simulator
+//! and no files, but a temporary one for the series of long recordings where a folder for it is given ([`Settings::scratch`]).
 
 extern crate alloc;
 
@@ -32,6 +32,7 @@ mod held;
 mod integrity;
 pub mod isolability;
 mod leftover;
+mod located;
 mod motion;
 mod nominal;
 mod picture;
@@ -52,11 +53,13 @@ mod segment;
 mod sensitivity;
 mod settings;
 mod sharing;
+mod shelf;
 mod shift;
 mod simplify;
 mod solve;
 #[cfg(test)]
 mod testing;
+mod thinned;
 mod variety;
 pub mod verdict;
 mod window;
@@ -66,9 +69,10 @@ mod worth;
 
 pub use columns::looked_for;
 pub use controller::ControllerTwin;
-pub use engine::{diagnose, diagnose_with_controller};
+pub use engine::{diagnose, diagnose_watched, diagnose_with_controller};
 pub use error::InputError;
 pub use evidence::{Diagnosis, Evidence, Refined};
+pub use located::{Located, Watch};
 pub use plan::{Alias, Belief, Plan, PlanSettings, Required, plan, recorded_noise};
 pub use predict::predict;
 pub use replay::{Simulation, Twin, replay};

@@ -16,6 +16,7 @@ use crate::pushed::Pushed;
 use crate::segment::Segment;
 use crate::sensitivity::{Here, Knots, Sensitivity};
 use crate::settings::SOFTNESS;
+use crate::shelf::Tape;
 
 /// A passive joint along a segment.
 #[derive(Debug, Clone)]
@@ -37,13 +38,13 @@ pub(crate) struct Motion {
     /// Rigid bodies and rotor inertia, and what surplus drives were measured to do to each other `[N | N·m]`.
     pub(crate) rigid: Vec<Vec<f64>>,
     /// Effort per unit of each inertial parameter of each massive link: [link·10 + k][drive][sample].
-    pub(crate) link_columns: Vec<Vec<Vec<f64>>>,
-    /// Effort per radian of base roll and pitch: [axis][drive][sample].
-    pub(crate) tilt: [Vec<Vec<f64>>; 2],
+    pub(crate) link_columns: Vec<Vec<Tape>>,
+    /// Gravity in the root frame `[m/s²]`.
+    gravity: [f64; 3],
     /// Change of the rigid effort with positions, speeds, accelerations and lengths.
     pub(crate) sensitivity: Sensitivity,
     /// Effort per unit of acceleration of the ground along each axis of the root: [axis][drive][sample].
-    pub(crate) shaken: [Vec<Vec<f64>>; 3],
+    pub(crate) shaken: [Vec<Tape>; 3],
     /// Force of the ground on the robot along each axis of the root `[N]`.
     pub(crate) reaction: [Vec<f64>; 3],
     /// Effort that passes through each drive's transmission, friction on the load's side included, the rotor's own inertia not.
@@ -72,6 +73,25 @@ impl Motion {
     /// Smoothed direction of motion.
     pub(crate) fn direction(v: &[f64], width: f64) -> Vec<f64> {
         v.iter().map(|v| soft_sign(*v, width)).collect()
+    }
+
+    /// Effort per radian of base roll (axis 0) or pitch (axis 1): [drive][sample].
+    pub(crate) fn tilt(&self, axis: usize) -> Vec<Vec<f64>> {
+        // Gravity seen from a base turned by +roll or +pitch turns the other way.
+        let [x, y, z] = self.gravity;
+        let part = [[0.0, z, -y], [-z, 0.0, x]][axis];
+        let of_drive = |k: usize| {
+            let shaken = self.shaken.each_ref().map(|axis| axis[k].read());
+            (0..self.segment.valid.len()).map(|i| -(0..3).map(|c| part[c] * shaken[c][i]).sum::<f64>()).collect()
+        };
+        (0..self.rigid.len()).map(of_drive).collect()
+    }
+
+    /// Lets go of what only columns are made from.
+    pub(crate) fn shed(&mut self) {
+        self.link_columns.iter_mut().flatten().chain(self.shaken.iter_mut().flatten()).for_each(Tape::shed);
+        (self.sensitivity, self.reaction, self.transmitted) = (Sensitivity::default(), Default::default(), Vec::new());
+        (self.held, self.pushed) = (Vec::new(), Vec::new());
     }
 }
 
@@ -102,16 +122,17 @@ pub(crate) fn motion(robot: &Robot, segment: Segment) -> Result<Motion, InputErr
     let links = model.massive_links();
     let data = Data::new(&model);
     let zeros = || vec![vec![0.0; n]; na];
+    let tapes = || vec![Tape::new(&segment.shelf); na];
     let dependent = model.passive();
     let passive = dependent.iter().map(|_| Passive { q: vec![0.0; n], v: vec![0.0; n], a: vec![0.0; n], g: zeros() }).collect();
     let is_shared = na > data.n_ind();
     let (moves, contradiction) = if is_shared { (vec![zeros(); na], zeros()) } else { (Vec::new(), Vec::new()) };
     let out = Motion {
         rigid: zeros(),
-        link_columns: vec![zeros(); links.len() * N_INERTIAL],
-        tilt: [zeros(), zeros()],
+        link_columns: vec![tapes(); links.len() * N_INERTIAL],
+        gravity: model.gravity.into(),
         sensitivity: Sensitivity::default(),
-        shaken: [zeros(), zeros(), zeros()],
+        shaken: [tapes(), tapes(), tapes()],
         reaction: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
         transmitted: zeros(),
         channels: segment
@@ -130,7 +151,7 @@ pub(crate) fn motion(robot: &Robot, segment: Segment) -> Result<Motion, InputErr
         dependent,
         moves,
         contradiction,
-        held: followed(robot).into_iter().map(|l| Held::new(l, na, n)).collect(),
+        held: followed(robot).into_iter().map(|l| Held::new(l, (na, n), &segment.shelf)).collect(),
         pushed: Vec::new(),
         nominal: Vec::new(),
         segment,
@@ -225,12 +246,9 @@ impl Pass {
         for unit in [0..1, 1..4, 4..N_INERTIAL] {
             let of_unit = |column: usize| unit.contains(&(column % N_INERTIAL));
             let columns = self.out.link_columns.iter_mut().enumerate().filter(|(c, _)| of_unit(*c));
-            let mut series: Vec<&mut Vec<f64>> = columns.flat_map(|(_, drives)| drives.iter_mut()).collect();
-            let size = |x: &[f64]| x.iter().fold(0.0_f64, |top, x| top.max(x.abs()));
-            let largest = series.iter().map(|x| size(x)).fold(0.0, f64::max);
-            for x in series.iter_mut().filter(|x| size(x) < ROUNDING * largest) {
-                x.fill(0.0);
-            }
+            let mut series: Vec<&mut Tape> = columns.flat_map(|(_, drives)| drives.iter_mut()).collect();
+            let largest = series.iter().map(|x| x.top()).fold(0.0, f64::max);
+            series.iter_mut().filter(|x| x.top() < ROUNDING * largest).for_each(|x| x.clear());
         }
     }
 
@@ -274,7 +292,7 @@ impl Pass {
                 let felt = |k: usize| (0..N_INERTIAL).map(|b| data.regressor[(k, body * N_INERTIAL + b)] * l_to_body[(b, c)]).sum::<f64>();
                 for k in 0..na {
                     let shared = || (0..data.n_ind()).map(|f| data.distribution[(k, f)] * felt(f)).sum();
-                    self.out.link_columns[l * N_INERTIAL + c][k][i] = if is_shared { shared() } else { felt(k) };
+                    self.out.link_columns[l * N_INERTIAL + c][k].push(if is_shared { shared() } else { felt(k) });
                 }
             }
         }
@@ -293,20 +311,12 @@ impl Pass {
         // The wrenches of the bodies are still those of the motion; what the root's own joints carry, the ground does.
         let roots = self.model.joints.iter().enumerate().filter(|(_, j)| j.parent.is_none());
         let carried = roots.fold(nalgebra::Vector3::zeros(), |sum, (b, _)| sum + self.data.force_w[b].linear);
-        let g = self.model.gravity;
         for axis in 0..3 {
             self.out.reaction[axis][i] = carried[axis];
             let mut up = nalgebra::Vector3::zeros();
             up[axis] = -1.0;
             for (k, e) in weight(&self.model, &mut self.data, up).into_iter().enumerate() {
-                self.out.shaken[axis][k][i] = e;
-            }
-        }
-        // Gravity seen from a base turned by +roll or +pitch turns the other way.
-        let turned = [nalgebra::Vector3::new(0.0, g.z, -g.y), nalgebra::Vector3::new(-g.z, 0.0, g.x)];
-        for (axis, part) in turned.into_iter().enumerate() {
-            for k in 0..self.model.n_act() {
-                self.out.tilt[axis][k][i] = -(0..3).map(|c| part[c] * self.out.shaken[c][k][i]).sum::<f64>();
+                self.out.shaken[axis][k].push(e);
             }
         }
     }

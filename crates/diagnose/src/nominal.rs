@@ -93,11 +93,13 @@ fn add(sum: &mut [f64], part: &[f64]) {
 }
 
 fn push(out: &mut [Vec<f64>], held: &Held, dt: f64, wrench: impl Fn(&LinkState) -> [f64; 6]) {
+    let mut all = vec![Vec::with_capacity(held.position[0].len()); 6];
     for i in 0..held.position[0].len() {
         let w = wrench(&held.state(i, dt * i as f64));
-        for (k, out) in out.iter_mut().enumerate() {
-            out[i] += held.felt(&w, k, i);
-        }
+        all.iter_mut().zip(w).for_each(|(series, w)| series.push(w));
+    }
+    for (k, out) in out.iter_mut().enumerate() {
+        add(out, &held.felt(&all, 0..6, k));
     }
 }
 

@@ -168,10 +168,10 @@ pub fn plan(
     let robot = &description.robot;
     let noise = noise(robot, settings)?;
     let motions = motions(robot, references, settings, progress)?;
-    let (motions, band) = motions;
+    let (mut motions, band) = motions;
     let gains = crate::rows::FineGrid::new(motions[0].segment.dt, band).noise_gain();
     let weight: Vec<f64> = noise.iter().map(|s| 1.0 / (s * math::sqrt(gains[0]))).collect();
-    let mut work = Work::planned(robot, &motions, band, &weight, None);
+    let mut work = Work::planned(robot, &mut motions, band, &weight, None);
     work.kappa = settings.belief.share();
     if let Some(reasons) = crate::enough::too_few_to_fit(&work.design, band) {
         return Err(InputError::Short { recording: references[0].name.clone(), reason: reasons });

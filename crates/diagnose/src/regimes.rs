@@ -1,7 +1,10 @@
 //! When a finding shows: the regimes in which the error it takes away is concentrated.
 
+use pkm_dyn::Model;
+
 use crate::columns::Family;
-use crate::motion::top_speed;
+use crate::design::Design;
+use crate::motion::{Motion, top_speed};
 use crate::work::Work;
 
 /// A named subset of rows of one joint.
@@ -15,32 +18,36 @@ pub(crate) struct Regime {
 
 /// The regimes of one joint.
 pub(crate) fn regimes(work: &Work, joint: usize) -> Vec<Regime> {
-    let model = &work.robot.model;
+    regimes_on(&work.robot.model, work.motions, &work.design, joint)
+}
+
+/// The same before there is anything but rows.
+pub(crate) fn regimes_on(model: &Model, motions: &[Motion], design: &Design, joint: usize) -> Vec<Regime> {
     let tree = model.actuators[joint];
     let (name, kind) = (&model.joints[tree].name, model.joints[tree].kind);
     let speed_unit = pkm_dyn::effects::Unit::Velocity.text(kind);
-    let top = work.motions.iter().map(|m| top_speed(&m.segment.v[joint])).fold(0.0, f64::max);
-    let mut loads: Vec<f64> = work.motions.iter().flat_map(|m| m.rigid[joint].iter().map(|l| l.abs())).collect();
+    let top = motions.iter().map(|m| top_speed(&m.segment.v[joint])).fold(0.0, f64::max);
+    let mut loads: Vec<f64> = motions.iter().flat_map(|m| m.rigid[joint].iter().map(|l| l.abs())).collect();
     loads.sort_by(f64::total_cmp);
     let heavy = loads.get(loads.len() * 2 / 3).copied().unwrap_or(0.0);
     let rows = |f: &dyn Fn(usize, usize) -> bool| -> Vec<Vec<bool>> {
-        work.design.rows.iter().enumerate().map(|(s, r)| (0..r.time.len()).map(|i| f(s, i)).collect()).collect()
+        design.rows.iter().enumerate().map(|(s, r)| (0..r.time.len()).map(|i| f(s, i)).collect()).collect()
     };
-    let v = |s: usize, i: usize| work.design.rows[s].v[joint][i];
+    let v = |s: usize, i: usize| design.rows[s].v[joint][i];
     let near = |s: usize, i: usize| {
         let lo = i.saturating_sub(2);
-        let hi = (i + 2).min(work.design.rows[s].time.len() - 1);
+        let hi = (i + 2).min(design.rows[s].time.len() - 1);
         (lo..hi).any(|k| v(s, k) * v(s, k + 1) < 0.0)
     };
     let load = |s: usize, i: usize| {
-        let raw = &work.motions[s].rigid[joint];
-        raw[work.design.fine[s].raw_index(i).min(raw.len() - 1)].abs()
+        let raw = &motions[s].rigid[joint];
+        raw[design.fine[s].raw_index(i).min(raw.len() - 1)].abs()
     };
-    let third = |s: usize, i: usize| 3 * i / work.design.rows[s].time.len().max(1);
+    let third = |s: usize, i: usize| 3 * i / design.rows[s].time.len().max(1);
     let regime = |name, condition, mask| Regime { name, condition, mask };
     vec![
-        regime("moving", format!("{name} moving"), rows(&|s, i| work.design.rows[s].moving[joint][i])),
-        regime("standstill", format!("{name} standing"), rows(&|s, i| !work.design.rows[s].moving[joint][i])),
+        regime("moving", format!("{name} moving"), rows(&|s, i| design.rows[s].moving[joint][i])),
+        regime("standstill", format!("{name} standing"), rows(&|s, i| !design.rows[s].moving[joint][i])),
         regime("reversal", format!("dq.{name} changes sign"), rows(&near)),
         regime("low_speed", format!("|dq.{name}| < {:.3} {speed_unit}", 0.1 * top), rows(&|s, i| v(s, i).abs() < 0.1 * top)),
         regime("high_speed", format!("|dq.{name}| > {:.3} {speed_unit}", 0.6 * top), rows(&|s, i| v(s, i).abs() > 0.6 * top)),

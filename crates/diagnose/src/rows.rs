@@ -58,6 +58,11 @@ impl FineGrid {
         self.filter.apply(raw).into_iter().step_by(self.step).collect()
     }
 
+    /// A series on the fine grid at the first `n` rows.
+    pub(crate) fn at_rows(&self, fine: &[f64], n: usize) -> Vec<f64> {
+        fine.iter().step_by(self.thin).take(n).copied().collect()
+    }
+
     /// A series on the fine grid at a raw sample, on a straight line between its neighbours.
     pub(crate) fn between(&self, fine: &[f64], raw: usize) -> f64 {
         let (i, share) = (raw / self.step, (raw % self.step) as f64 / self.step as f64);

@@ -15,6 +15,7 @@ use pkm_ident::{Recording, spectrum};
 use crate::channels::{self, Kind};
 use crate::error::InputError;
 use crate::settings::{HARMONICS, MIN_SAMPLES};
+use crate::shelf::Shelf;
 use crate::verdict::Use;
 
 /// One recording on a uniform grid. Outer index: actuated joint; inner: raw sample.
@@ -46,6 +47,8 @@ pub(crate) struct Segment {
     pub(crate) wrenches: Vec<Wrench>,
     /// Positions measured besides those of the drives: what, and the raw samples where this recording has it.
     pub(crate) channels: Vec<(Kind, Option<Vec<f64>>)>,
+    /// Where the long series of a diagnosis wait.
+    pub(crate) shelf: Shelf,
 }
 
 /// What a wrench sensor of the robot's files measured.
@@ -90,7 +93,8 @@ pub(crate) fn segments(robot: &Robot, recordings: &[(&Recording, Use)], band: Op
         Some(band) => return Err(InputError::Band { band, limit }),
         None => choose_band(&raws, recordings).min(0.5 * limit),
     };
-    let out = raws.into_iter().zip(recordings).map(|(raw, (r, used))| segment(raw, r, *used, band)).collect();
+    let shelf = Shelf::default();
+    let out = raws.into_iter().zip(recordings).map(|(raw, (r, used))| segment(raw, r, *used, (band, &shelf))).collect();
     Ok((out, band))
 }
 
@@ -272,7 +276,7 @@ fn acting(robot: &Robot, j: usize, tau: &[f64], dt: f64) -> Vec<f64> {
     out
 }
 
-fn segment(raw: Raw, r: &Recording, used: Use, band: f64) -> Segment {
+fn segment(raw: Raw, r: &Recording, used: Use, (band, shelf): (f64, &Shelf)) -> Segment {
     let dt = raw.grid.dt;
     // Wide enough to leave the band's derivatives alone, narrow enough to keep the direction of motion out of encoder noise.
     let smooth = LowPass::new(5.0 * band, dt);
@@ -298,6 +302,7 @@ fn segment(raw: Raw, r: &Recording, used: Use, band: f64) -> Segment {
         channels: raw.channels,
         gravity: r.meta.gravity,
         load: r.meta.load.clone(),
+        shelf: shelf.clone(),
     }
 }
 

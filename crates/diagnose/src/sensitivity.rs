@@ -16,23 +16,32 @@ const STEP: f64 = 1e-5;
 /// Knots per period of the band: cubic interpolation between them is then good to parts in a thousand at the band's edge.
 const KNOTS: f64 = 16.0;
 
-/// A table of series, one per pair of causes and drives: [cause][drive][knot or sample].
+/// A table of series, one per pair of causes and drives: [cause][drive][knot].
 pub(crate) type Table = Vec<Vec<Vec<f64>>>;
 
 /// A place whose length may be wrong: what it is, its number there, and its name.
 pub(crate) type Length = (Site, usize, String);
 
-/// Sensitivities along a segment.
+/// Sensitivities along a segment, kept at its knots.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Sensitivity {
-    /// Change of the rigid effort per unit of position offset of each drive: [offset drive][drive][sample].
+    /// Samples from knot to knot, and samples.
+    knots: (usize, usize),
+    /// Change of the rigid effort per unit of position offset of each drive: [offset drive][drive][knot].
     pub(crate) offset: Table,
     /// The same per unit of speed.
     pub(crate) rate: Table,
     /// The same per unit of acceleration, rotors included.
     pub(crate) mass: Table,
-    /// Change of the rigid effort per metre of each length: [3·place + axis][drive][sample].
+    /// Change of the rigid effort per metre of each length: [3·place + axis][drive][knot].
     pub(crate) length: Table,
+}
+
+impl Sensitivity {
+    /// A series of one of the tables at the samples.
+    pub(crate) fn at_samples(&self, knots: &[f64]) -> Vec<f64> {
+        between_knots(knots, self.knots.0, self.knots.1)
+    }
 }
 
 /// Links and loops whose frames may sit elsewhere than the model has them, links first.
@@ -98,7 +107,7 @@ impl Knots {
         }
         let n = model.n_act();
         let table = |causes: usize| vec![vec![Vec::new(); n]; causes];
-        let at = Sensitivity { offset: table(n), rate: table(n), mass: table(n), length: table(longer.len()) };
+        let at = Sensitivity { knots: (every, n_samples), offset: table(n), rate: table(n), mass: table(n), length: table(longer.len()) };
         let of_channels = channels.iter().map(|_| [vec![Vec::new(); n], vec![Vec::new(); longer.len()]]).collect();
         Self { every, n_samples, is_rigid: vec![false; longer.len()], longer, at, channels, of_channels }
     }
@@ -160,7 +169,7 @@ impl Knots {
         Ok(())
     }
 
-    /// Series at the samples. A length that could not change at some knot is a length that cannot change.
+    /// What was taken, of channels at the samples. A length that could not change at some knot is a length that cannot change.
     pub(crate) fn finish(mut self) -> (Sensitivity, Vec<[Vec<Vec<f64>>; 2]>) {
         for (column, _) in self.at.length.iter_mut().zip(&self.is_rigid).filter(|(_, is_rigid)| **is_rigid) {
             column.iter_mut().for_each(|x| x.fill(0.0));
@@ -170,10 +179,6 @@ impl Knots {
             for series in of.iter_mut().flatten() {
                 *series = between_knots(series, self.every, self.n_samples);
             }
-        }
-        let Sensitivity { offset, rate, mass, length } = &mut self.at;
-        for series in [offset, rate, mass, length].into_iter().flatten().flatten() {
-            *series = between_knots(series, self.every, self.n_samples);
         }
         (self.at, self.of_channels)
     }

@@ -1,5 +1,7 @@
 //! What a user may set, and the constants of the decision with their reasons.
 
+use std::path::PathBuf;
+
 /// Settings of a diagnosis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
@@ -20,6 +22,9 @@ pub struct Settings {
     pub confirm_level: f64,
     /// Seed of the null runs' random phases.
     pub seed: u64,
+    /// Folder for a temporary file in which series of long recordings wait, beyond half a gigabyte of them; without one all stay in memory. It
+    /// changes no number.
+    pub scratch: Option<PathBuf>,
 }
 
 impl Settings {
@@ -36,7 +41,16 @@ impl Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { band_hz: None, floor: 0.03, tolerance: 0.005, null_runs: 199, search_level: 0.2, confirm_level: 0.05, seed: 1 }
+        Self {
+            band_hz: None,
+            floor: 0.03,
+            tolerance: 0.005,
+            null_runs: 199,
+            search_level: 0.2,
+            confirm_level: 0.05,
+            seed: 1,
+            scratch: None,
+        }
     }
 }
 
@@ -75,6 +89,12 @@ pub(crate) const MAX_STRUCTURAL: usize = 6;
 
 /// Parameter shifts that may be reported.
 pub(crate) const MAX_SHIFTS: usize = 24;
+
+/// Samples of all recordings together up to which each is taken as it is: ten minutes at 1 kHz.
+pub(crate) const LONG: usize = 600_000;
+
+/// Samples per period of the band of recordings that are longer: columns are built at more than twice the fine grid's rate.
+pub(crate) const RATE: f64 = 50.0;
 
 /// Smallest number of samples a recording must have: filters and folds need that many to mean anything.
 pub const MIN_SAMPLES: usize = 200;

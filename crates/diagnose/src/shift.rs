@@ -12,8 +12,10 @@ pub(crate) fn of_reading(m: &Motion, j: usize, e: &[f64]) -> Vec<Vec<f64>> {
     let rate = derivative(e, m.segment.dt);
     let acceleration = derivative(&rate, m.segment.dt);
     let s = &m.sensitivity;
-    let effort =
-        |k: usize| (0..e.len()).map(|i| s.offset[j][k][i] * e[i] + s.rate[j][k][i] * rate[i] + s.mass[j][k][i] * acceleration[i]).collect();
+    let effort = |k: usize| {
+        let [offset, by_rate, mass] = [&s.offset, &s.rate, &s.mass].map(|table| s.at_samples(&table[j][k]));
+        (0..e.len()).map(|i| offset[i] * e[i] + by_rate[i] * rate[i] + mass[i] * acceleration[i]).collect()
+    };
     let channel = |c: &Channel| of_channel(m, c, |i| c.by_drive[j][i] * e[i]);
     (0..m.rigid.len()).map(effort).chain(m.channels.iter().map(channel)).collect()
 }
@@ -27,7 +29,7 @@ fn of_channel(m: &Motion, c: &Channel, x: impl Fn(usize) -> f64) -> Vec<f64> {
 /// Change of every drive's effort and of every channel per metre of a length: [drive or channel][sample].
 pub(crate) fn of_length(m: &Motion, length: usize) -> Vec<Vec<f64>> {
     let channel = |c: &Channel| of_channel(m, c, |i| c.by_length[length][i]);
-    m.sensitivity.length[length].iter().cloned().chain(m.channels.iter().map(channel)).collect()
+    m.sensitivity.length[length].iter().map(|knots| m.sensitivity.at_samples(knots)).chain(m.channels.iter().map(channel)).collect()
 }
 
 /// The same when only the load is shifted: the rotor turns as its sensor says.
@@ -55,7 +57,10 @@ pub(crate) fn of_mounting(m: &Motion) -> Vec<Vec<f64>> {
     let dt = m.segment.dt;
     let away: Vec<Vec<f64>> = m.reaction.iter().map(|force| derivative(&derivative(force, dt), dt).iter().map(|a| -a).collect()).collect();
     (0..m.rigid.len())
-        .map(|k| (0..m.segment.valid.len()).map(|i| (0..3).map(|axis| m.shaken[axis][k][i] * away[axis][i]).sum()).collect())
+        .map(|k| {
+            let shaken = m.shaken.each_ref().map(|axis| axis[k].read());
+            (0..m.segment.valid.len()).map(|i| (0..3).map(|axis| shaken[axis][i] * away[axis][i]).sum()).collect()
+        })
         .chain(m.channels.iter().map(|_| vec![0.0; m.segment.valid.len()]))
         .collect()
 }
@@ -76,6 +81,7 @@ mod tests {
 
     use super::*;
     use crate::segment::Segment;
+    use crate::shelf::Shelf;
     use crate::verdict::Use;
 
     const DT: f64 = 0.005;
@@ -128,6 +134,7 @@ mod tests {
             valid: vec![true; N],
             gravity: None,
             load: None,
+            shelf: Shelf::default(),
             wrenches: Vec::new(),
             channels: Vec::new(),
         };

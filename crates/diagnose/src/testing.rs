@@ -10,6 +10,7 @@ use crate::columns::{Columns, Context, Shape, Source, View};
 use crate::design::{Chain, Series};
 use crate::motion::{Motion, motion, softness_widths, top_speed};
 use crate::segment::Segment;
+use crate::shelf::Shelf;
 use crate::verdict::Use;
 
 pub(crate) struct Bench {
@@ -75,6 +76,7 @@ impl Bench {
             valid: vec![true; SAMPLES],
             gravity: None,
             load: None,
+            shelf: Shelf::default(),
         };
         let motion = motion(&Robot::new(model.clone(), Vec::new()), segment).expect("sliders have no loops");
         Self { model, motion }

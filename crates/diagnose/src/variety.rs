@@ -90,6 +90,7 @@ fn range(x: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shelf::Shelf;
     use crate::verdict::Use;
 
     fn recorded(q: impl Fn(f64) -> f64, n: usize) -> Segment {
@@ -113,6 +114,7 @@ mod tests {
             valid: vec![true; n],
             gravity: None,
             load: None,
+            shelf: Shelf::default(),
         }
     }
 

@@ -7,12 +7,13 @@ use pkm_dyn::parameters::N_INERTIAL;
 use pkm_ident::filter::{advanced, derivative};
 
 use crate::columns::{self, Columns, Context, Family, Proposal, Shape, Source, StandardIds};
-use crate::design::{ColumnId, Design, Fine, Make, Pair, View};
+use crate::design::{ColumnId, Design, Fine, Make, View};
 use crate::extents::{extents, largest_widths, ranges};
 use crate::gram::{Gram, Targets};
 use crate::motion::Motion;
 use crate::screen;
 use crate::settings::SOFTNESS;
+use crate::shelf::{Stored, Tape};
 use crate::solve::Over;
 
 /// Positions are known this much better than efforts: what is worth a name there is smaller by this share.
@@ -107,15 +108,16 @@ pub(crate) struct Work<'w> {
 
 impl<'w> Work<'w> {
     /// Builds columns of every candidate, and weighs the joints by what was measured.
-    pub(crate) fn new(robot: &'w Robot, motions: &'w [Motion], band: f64) -> Self {
-        let mut out = Self::unweighted(robot, motions, band, None);
+    pub(crate) fn new(robot: &'w Robot, motions: &'w mut [Motion], design: Design, band: f64) -> Self {
+        let mut out = Self::unweighted(robot, motions, (design, band), None);
         out.weigh();
         out
     }
 
     /// The same with given weights of the joints, and of the named effects only: what was measured plays no part.
-    pub(crate) fn planned(robot: &'w Robot, motions: &'w [Motion], band: f64, weight: &[f64], only: Option<&[&str]>) -> Self {
-        let mut out = Self::unweighted(robot, motions, band, only);
+    pub(crate) fn planned(robot: &'w Robot, motions: &'w mut [Motion], band: f64, weight: &[f64], only: Option<&[&str]>) -> Self {
+        let design = Design::new(robot, motions, band);
+        let mut out = Self::unweighted(robot, motions, (design, band), only);
         out.design.weight.copy_from_slice(weight);
         out.rebuild();
         out.effort = out.effort_power();
@@ -125,8 +127,8 @@ impl<'w> Work<'w> {
         out
     }
 
-    fn unweighted(robot: &'w Robot, motions: &'w [Motion], band: f64, only: Option<&[&str]>) -> Self {
-        let mut design = Design::new(robot, motions, band);
+    fn unweighted(robot: &'w Robot, made_from: &'w mut [Motion], (mut design, band): (Design, f64), only: Option<&[&str]>) -> Self {
+        let motions = &*made_from;
         let model = &robot.model;
         let widths = largest_widths(robot, motions);
         let standard = standard_columns(&mut design, motions, model, &widths);
@@ -138,6 +140,8 @@ impl<'w> Work<'w> {
         let ctx = Context { model, widths, top_speed, travel, range: &range, motions, resolution, massive };
         let candidates = register(&ctx, &mut design, motions, &standard, only);
         let rigid_spread = massive.iter().flat_map(|&l| columns::inertia_error::spread(&model.links[l].parameters)).collect();
+        made_from.iter_mut().for_each(Motion::shed);
+        let motions = &*made_from;
         let gram = Gram::new(&design);
         Self {
             robot,
@@ -291,11 +295,11 @@ impl<'w> Work<'w> {
 
     /// The fitted model upstream of the drive's chain, on the fine grid: [segment].
     pub(crate) fn acting(&self, joint: usize, ids: &[ColumnId], theta: &Mat<f64>, softness: usize) -> Vec<Vec<f64>> {
-        let mut out = self.design.nominal[softness][joint].plain.clone();
+        let mut out: Fine = self.design.nominal[softness][joint].plain.iter().map(Stored::read).collect();
         for (i, &id) in ids.iter().enumerate() {
             if let Some((_, pair)) = self.design.columns[id].joints.iter().find(|(j, _)| *j == joint) {
                 for (sum, x) in out.iter_mut().zip(&pair.plain) {
-                    sum.iter_mut().zip(x).for_each(|(s, x)| *s += theta[(i, 0)] * x);
+                    sum.iter_mut().zip(x.read()).for_each(|(s, x)| *s += theta[(i, 0)] * x);
                 }
             }
         }
@@ -324,10 +328,8 @@ impl<'w> Work<'w> {
             for (ids, theta, softness) in models {
                 let acting = self.acting(drive, ids, theta, *softness);
                 for (plain, values) in self.chain_shapes(c, &acting, band) {
-                    let late = &self.design.late[*softness][drive];
-                    let cut = if late.is_empty() { plain.iter().map(|x| vec![0.0; x.len()]).collect() } else { late.clone() };
-                    let pair = Pair { plain, cut };
-                    let id = self.design.put_fine(old.pop(), drive, pair);
+                    let cut = self.design.late[*softness][drive].clone();
+                    let id = self.design.put_fine(old.pop(), drive, (plain, &cut));
                     variants.push(Variant {
                         values,
                         softness: Some(*softness),
@@ -353,7 +355,8 @@ impl<'w> Work<'w> {
         let nominal = &self.design.nominal[softness][joint].plain;
         let of_segment = |(s, m): (usize, &Motion)| {
             let grid = &self.design.fine[s];
-            let smooth = |i: usize| acting[s][i] - nominal[s][i] - dry.map_or(0.0, |d| coulomb * d[s][i]);
+            let (nominal, dry) = (nominal[s].read(), dry.map(|d| d[s].read()));
+            let smooth = |i: usize| acting[s][i] - nominal[i] - dry.as_ref().map_or(0.0, |d| coulomb * d[i]);
             let rest: Vec<f64> = (0..acting[s].len()).map(smooth).collect();
             let sign = Motion::direction(&m.segment.v[joint], self.widths[softness][self.robot.model.actuators[joint]]);
             let raw: Vec<f64> =
@@ -441,7 +444,8 @@ fn standard_columns(design: &mut Design, motions: &[Motion], model: &Model, widt
             design.push(motions, sources.collect())
         })
         .collect();
-    let rigid = (0..n_rigid).map(|c| Box::new(move |m: &Motion| m.link_columns[c].iter().cloned().enumerate().collect()) as Make).collect();
+    let rigid =
+        (0..n_rigid).map(|c| Box::new(move |m: &Motion| m.link_columns[c].iter().map(Tape::read).enumerate().collect()) as Make).collect();
     let rigid = design.push(motions, rigid);
     StandardIds { rigid, viscous, coulomb, offset }
 }

@@ -4,7 +4,7 @@ use alloc::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{anyhow, ensure};
-use pkm_diagnose::{ControllerTwin, Diagnosis, InputError, Settings, Verdict, diagnose_with_controller};
+use pkm_diagnose::{ControllerTwin, Diagnosis, InputError, Located, Settings, Verdict, Watch, diagnose_watched};
 use pkm_dyn::effects::Robot;
 use pkm_dyn::urdf::Description;
 use pkm_ident::Recording;
@@ -40,6 +40,7 @@ impl SettingsArgs {
             floor: self.floor.unwrap_or(default.floor),
             seed: self.seed.unwrap_or(default.seed),
             null_runs: self.null_runs.map_or(default.null_runs, usize::from),
+            scratch: Some(std::env::temp_dir()),
             ..default
         }
     }
@@ -128,6 +129,25 @@ impl ControllerTwin for ReplayedController<'_> {
     }
 }
 
+/// Whoever waits for a diagnosis: sees a bar, and where the largest mismatch is as soon as that is known.
+struct Told(Progress);
+
+impl Watch for Told {
+    fn progress(&mut self, share: f64) {
+        self.0.update(share);
+    }
+
+    fn located(&mut self, first: Option<&Located>) {
+        let Some(first) = first else { return };
+        // Where the log is shown it has the line already.
+        if tracing::enabled!(tracing::Level::INFO) {
+            tracing::info!("{first} (after {:.1} s)", self.0.seconds());
+        } else {
+            self.0.say(&first.to_string());
+        }
+    }
+}
+
 /// Runs the engine.
 ///
 /// # Errors
@@ -139,11 +159,11 @@ pub(crate) fn run(
     settings: &Settings,
     quiet: bool,
 ) -> anyhow::Result<Diagnosis> {
-    let mut progress = Progress::new("diagnosing", quiet);
+    let mut watch = Told(Progress::new("diagnosing", quiet));
     let mut twin = ReplayedController { stated: subject.controller, robot: &subject.description.robot };
     let twin: Option<&mut dyn ControllerTwin> = if matches!(twin.stated, Stated::Nothing) { None } else { Some(&mut twin) };
-    let result = diagnose_with_controller(subject.description, (train, holdout), settings, twin, &mut |share| progress.update(share));
-    tracing::info!("diagnosis took {:.1} s", progress.seconds());
+    let result = diagnose_watched(subject.description, (train, holdout), settings, twin, &mut watch);
+    tracing::info!("diagnosis took {:.1} s", watch.0.seconds());
     result.map_err(|e| input_error(e, subject.file))
 }
 

@@ -30,6 +30,15 @@ impl Progress {
         self.clock.now_ns() as f64 * 1e-9
     }
 
+    /// Shows a line above the bar, at once.
+    pub(crate) fn say(&self, line: &str) {
+        if !self.is_wanted {
+            return;
+        }
+        let write = || crate::out::line_on_stderr(line);
+        self.bar.as_ref().map_or_else(write, |bar| bar.suspend(write));
+    }
+
     /// Takes note of the share done, 0 to 1.
     pub(crate) fn update(&mut self, share: f64) {
         let seconds = self.seconds();

@@ -20,7 +20,7 @@ impl Columns for Effect {
 
     fn propose(&self, ctx: &Context) -> Vec<Proposal> {
         let root = ctx.model.links.iter().position(|l| l.name == ctx.model.root).unwrap_or(0);
-        let shape = Shape::free(vec![global(|m| m.tilt[0].clone()), global(|m| m.tilt[1].clone())]);
+        let shape = Shape::free(vec![global(|m| m.tilt(0)), global(|m| m.tilt(1))]);
         vec![Proposal::on_link(ctx, root, vec![shape])]
     }
 

@@ -3,6 +3,7 @@
 use pkm_dyn::parameters::{InertialParameters, N_INERTIAL, NAMES};
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, Source, View, global};
+use crate::shelf::Tape;
 
 /// See the catalogue entry of the same name.
 pub(super) struct Effect;
@@ -60,11 +61,11 @@ fn index(name: &str) -> usize {
     NAMES.iter().position(|n| *n == name).unwrap_or(0)
 }
 
-fn scaled(columns: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec<Vec<f64>> {
+fn scaled(columns: &[Vec<Tape>], theta: &[f64]) -> Vec<Vec<f64>> {
     let mut out: Vec<Vec<f64>> = columns[0].iter().map(|c| vec![0.0; c.len()]).collect();
     for (column, t) in columns.iter().zip(theta) {
         for (sum, series) in out.iter_mut().zip(column) {
-            for (s, x) in sum.iter_mut().zip(series) {
+            for (s, x) in sum.iter_mut().zip(series.read()) {
                 *s += t * x;
             }
         }

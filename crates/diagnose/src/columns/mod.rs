@@ -330,8 +330,8 @@ pub(crate) fn on_held(
     global(move |m| {
         let (n, drives) = (m.segment.valid.len(), m.rigid.len());
         let Some(held) = m.held.iter().find(|h| h.link == link) else { return vec![vec![0.0; n]; drives] };
-        let felt = |k: usize, i: usize| axes.clone().map(|c| f(held, c, i) * held.push[c][k][i]).sum();
-        (0..drives).map(|k| (0..n).map(|i| felt(k, i)).collect()).collect()
+        let wrench: Vec<Vec<f64>> = axes.clone().map(|c| (0..n).map(|i| f(held, c, i)).collect()).collect();
+        (0..drives).map(|k| held.felt(&wrench, axes.clone(), k)).collect()
     })
 }
 
