@@ -153,7 +153,23 @@ impl Site {
 
 /// How many trials: many in the long tier (`PKM_LONG`), some in every run.
 pub(crate) fn trials(some: u64, many: u64) -> u64 {
-    if std::env::var_os("PKM_LONG").is_some() { many } else { some }
+    if is_long() { many } else { some }
+}
+
+/// Whether this is the long tier, whose measurements are kept.
+pub(crate) fn is_long() -> bool {
+    std::env::var_os("PKM_LONG").is_some()
+}
+
+/// A table of the long tier: `PKM_RESULTS/<name>.md` with the commit it was run on; printed where no folder is given.
+pub(crate) fn publish(name: &str, says: &str, rows: &[(&str, String)]) {
+    let commit = std::env::var("PKM_COMMIT").unwrap_or_else(|_| "not stated".to_string());
+    let table: String = rows.iter().map(|(what, value)| format!("| {what} | {value} |\n")).collect();
+    let text = format!("# {name}\n\nCommit: {commit}\n\n{says}\n\n| what | measured |\n|---|---|\n{table}");
+    match std::env::var_os("PKM_RESULTS") {
+        Some(folder) => fs::write(PathBuf::from(folder).join(format!("{name}.md")), text).expect("a folder of results"),
+        None => println!("{text}"),
+    }
 }
 
 /// A process of this test.
