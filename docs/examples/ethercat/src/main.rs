@@ -60,6 +60,9 @@ fn safe_action() -> SafeAction {
 fn serve(interface: &str, directory: &Path) -> Result<(), Box<dyn core::error::Error>> {
     let place = Place::try_new(directory)?; // mode 0700, own user, or it is refused
     let lock = place.lock(Role::Driver)?; // a second driver is told who runs
+    // Before there are other threads: those that carry frames get the same.
+    let (grants, _awake) = claim(Policy::Prefer, None, 85).map_err(|grants| grants.missing.join("; "))?;
+    grants.missing.iter().for_each(|missing| eprintln!("not granted: {missing}"));
     let card = interface.to_string();
     let carry = move |tx, rx| match tx_rx_task(&card, tx, rx) {
         // A card that fails is seen as frames that do not come back.
@@ -71,19 +74,21 @@ fn serve(interface: &str, directory: &Path) -> Result<(), Box<dyn core::error::E
     let limited = Limiter::try_new(device, &limits())?;
     let mut robot = Watchdog::try_new(limited, SystemClock, WatchdogLimits::of_period(2 * CYCLE_NS), safe_action())?;
     let mut driver = SharedDriver::try_new(&place, lock)?;
-    let (grants, _awake) = claim(Policy::Prefer, None, 85).map_err(|grants| grants.missing.join("; "))?;
-    grants.missing.iter().for_each(|missing| eprintln!("not granted: {missing}"));
     let mut grid = Grid::new(SystemClock.now_ns(), CYCLE_NS);
-    let mut heard_ns = SystemClock.now_ns();
+    let (mut heard_ns, mut told) = (SystemClock.now_ns(), None);
     loop {
         SystemClock.sleep_until(grid.beat().planned_ns); // absolute times: no drift
         grid.woken(SystemClock.now_ns());
         let served = driver.serve(&mut robot); // commands in, one cycle, its state out
         let now_ns = SystemClock.now_ns();
         match served {
-            Ok(_) => heard_ns = now_ns,
-            // The daemon sees an old state and stops; here the watchdog does.
+            Ok(_) => (heard_ns, told) = (now_ns, None),
             Err(error) if now_ns.saturating_sub(heard_ns) > GIVEN_UP_NS => return Err(error.into()),
+            // The daemon sees an old state and stops; here the watchdog does.
+            Err(error) if told != Some(error) => {
+                eprintln!("{:.6} s: {error}", now_ns as f64 * 1e-9);
+                told = Some(error);
+            }
             Err(_) => {}
         }
         grid.done(now_ns);
