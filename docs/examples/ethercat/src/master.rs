@@ -85,7 +85,6 @@ impl From<Error> for MasterError {
 }
 
 /// Drives in operation on an `EtherCAT`.
-#[derive(Debug)]
 pub struct EtherCat {
     main: MainDevice<'static>,
     group: SubDeviceGroup<MOST, IMAGE, DefaultLock, Op>,

@@ -56,7 +56,8 @@ impl Device {
         ];
         let mut memory = vec![0; 0x2000];
         (memory[STATE], memory[0x110]) = (INIT, 0x31);
-        let drive = Drive { position: 1000, ..Drive::NEW };
+        let mut drive = Drive::NEW;
+        drive.position = 1000;
         let (is_off, is_frozen, refuses, has_data, is_asked) = (false, false, None, false, false);
         Self { memory, sii: words(), objects: objects.into(), drive, is_off, is_frozen, refuses, has_data, is_asked }
     }
