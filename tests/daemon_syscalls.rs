@@ -160,9 +160,12 @@ fn supervise(mut lines: Lines<RingSource>, robot: &Robot, is_over: &AtomicBool) 
 
 /// From here on the kernel ends this process where this thread asks it for anything that is not allowed.
 fn confine() {
-    const [LOAD, EQUAL, RETURN]: [u16; 3] = [0x20, 0x15, 0x06];
+    const LOAD: u16 = 0x20;
+    const EQUAL: u16 = 0x15;
+    const RETURN: u16 = 0x06;
     // Offsets in what the kernel shows of a call: its number, the low word of its first argument.
-    const [NUMBER, ARGUMENT]: [u32; 2] = [0, 16];
+    const NUMBER: u32 = 0;
+    const ARGUMENT: u32 = 16;
     let op = |code: u16, k: u32, jf: u8| libc::sock_filter { code, jt: 0, jf, k };
     let number = |call: c_long| u32::try_from(call).expect("a number of a call");
     let mut program = vec![op(LOAD, NUMBER, 0)];

@@ -15,7 +15,8 @@ fn free_port() -> u16 {
 }
 
 /// The example of RFC 6455, section 1.3: this key must be answered by that hash.
-const [KEY, HASH]: [&str; 2] = ["dGhlIHNhbXBsZSBub25jZQ==", "s3pPLMBiTxaQ9kYGzzhZRbK+xOo="];
+const KEY: &str = "dGhlIHNhbXBsZSBub25jZQ==";
+const HASH: &str = "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=";
 
 /// Connects a viewer; what the server says until `last` is among it.
 fn looked(port: u16, last: &str) -> String {

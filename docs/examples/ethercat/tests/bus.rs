@@ -63,7 +63,8 @@ fn drives_are_told_what_to_exchange_and_follow_only_when_efforts_come() {
         for device in &segment.devices {
             assert_eq!(device.state(), 8, "in operation");
             // As a configuration tool would show it: index, subindex, bits.
-            let list = |index: u16| (1..=4).filter_map(|k| device.objects.get(&(index, k)).map(|entry| format!("{entry:08x}")));
+            let objects = &device.objects;
+            let list = |index: u16| (1..=4).filter_map(move |k| objects.get(&(index, k)).map(|entry| format!("{entry:08x}")));
             assert_eq!(list(0x1600).collect::<Vec<_>>(), ["60400010", "60710010", "60600008"]);
             assert_eq!(list(0x1a00).collect::<Vec<_>>(), ["60410010", "60640020", "606c0020", "60770010"]);
             assert_eq!((device.objects[&(0x6060, 0)], device.drive.state), (10, "switch on disabled"));

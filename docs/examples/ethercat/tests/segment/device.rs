@@ -8,16 +8,25 @@ use super::sii::{DATA_IN, DATA_OUT, MAILBOX, MAILBOX_IN, MAILBOX_OUT, words};
 use crate::drive::Drive;
 
 /// Registers (ETG.1000.4): address of the station, control and state of the application with the reason of a refusal, EEPROM.
-const [STATION, CONTROL, STATE, REASON, SII_CONTROL, SII_DATA]: [usize; 6] = [0x10, 0x120, 0x130, 0x134, 0x502, 0x508];
+const STATION: usize = 0x10;
+const CONTROL: usize = 0x120;
+const STATE: usize = 0x130;
+const REASON: usize = 0x134;
+const SII_CONTROL: usize = 0x502;
+const SII_DATA: usize = 0x508;
 
 /// Where FMMUs and sync managers are configured.
-const [FMMU, SYNC]: [usize; 2] = [0x600, 0x800];
+const FMMU: usize = 0x600;
+const SYNC: usize = 0x800;
 
 /// Bit of a mailbox's state: it is full.
 const FULL: u8 = 8;
 
 /// States of the application.
-pub(crate) const [INIT, PRE_OP, SAFE_OP, OP]: [u8; 4] = [1, 2, 4, 8];
+pub(crate) const INIT: u8 = 1;
+pub(crate) const PRE_OP: u8 = 2;
+pub(crate) const SAFE_OP: u8 = 4;
+pub(crate) const OP: u8 = 8;
 
 /// A drive, and what can be wrong with it.
 pub(crate) struct Device {

@@ -58,7 +58,9 @@ pub(crate) fn carry(segment: &Shared) -> impl FnOnce(PduTx<'static>, PduRx<'stat
 }
 
 /// Lengths of the heads of Ethernet, `EtherCAT` and a datagram.
-const [ETHERNET, ETHERCAT, DATAGRAM]: [usize; 3] = [14, 2, 10];
+const ETHERNET: usize = 14;
+const ETHERCAT: usize = 2;
+const DATAGRAM: usize = 10;
 
 impl Segment {
     /// A frame through all devices and back; `None` where it does not come back.

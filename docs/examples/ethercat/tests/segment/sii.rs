@@ -1,7 +1,10 @@
 //! What a drive says of itself in its EEPROM (ETG.2010): identity, mailbox, name, sync managers.
 
 /// Where sync managers 0 to 3 lie: mailbox to the drive and from it, process data to it and from it.
-pub(super) const [MAILBOX_OUT, MAILBOX_IN, DATA_OUT, DATA_IN]: [u16; 4] = [0x1000, 0x1080, 0x1100, 0x1180];
+pub(super) const MAILBOX_OUT: u16 = 0x1000;
+pub(super) const MAILBOX_IN: u16 = 0x1080;
+pub(super) const DATA_OUT: u16 = 0x1100;
+pub(super) const DATA_IN: u16 = 0x1180;
 
 /// Length of a mailbox `[byte]`.
 pub(super) const MAILBOX: u16 = 128;
