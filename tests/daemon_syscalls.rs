@@ -3,17 +3,19 @@
 #![cfg(target_os = "linux")]
 #![expect(unsafe_code, reason = "a filter of system calls cannot be set without it, nor a handler that says which call it was")]
 
+extern crate alloc;
+
 #[allow(dead_code, reason = "shared: no test uses all of it")]
 #[path = "daemon/rig.rs"]
 mod rig;
 
+use alloc::sync::Arc;
 use core::ffi::{c_int, c_long, c_ulong, c_void};
 use core::mem;
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use std::path::Path;
 use std::process::Command;
-use std::sync::Arc;
 use std::thread;
 
 use pkm_daemon::config::{DaemonConfig, Settings};
@@ -176,6 +178,7 @@ fn confine() {
     program.extend([op(EQUAL, number(libc::SYS_write), 3), op(LOAD, ARGUMENT, 0), op(EQUAL, report, 1)]);
     program.extend([op(RETURN, libc::SECCOMP_RET_ALLOW, 0), op(RETURN, libc::SECCOMP_RET_TRAP, 0)]);
     let filter = libc::sock_fprog { len: u16::try_from(program.len()).expect("a short program"), filter: program.as_mut_ptr() };
+    let [one, zero]: [c_ulong; 2] = [1, 0];
     // SAFETY: the handler only writes and exits; the program and its length belong together and outlive the calls, which copy it.
     let outcomes = unsafe {
         libc::dup2(2, REPORT);
@@ -184,7 +187,7 @@ fn confine() {
         action.sa_flags = libc::SA_SIGINFO;
         [
             libc::sigaction(libc::SIGSYS, &raw const action, core::ptr::null_mut()),
-            libc::prctl(libc::PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0),
+            libc::prctl(libc::PR_SET_NO_NEW_PRIVS, one, zero, zero, zero),
             libc::prctl(libc::PR_SET_SECCOMP, c_ulong::from(libc::SECCOMP_MODE_FILTER), &raw const filter),
         ]
     };

@@ -69,7 +69,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         measured.push(jitter::measure(length, period_ns, Some(args.priority)));
         findings.push(judged(&measured, period_ns));
     }
-    let passing = if args.seconds > 0 { Some(Passing { shared: shared::measure(length)?, logging: logging::measure(length)? }) } else { None };
+    let passing =
+        if args.seconds > 0 { Some(Passing { shared: shared::measure(length)?, logging: logging::measure(length)? }) } else { None };
     let is_bad = findings.iter().any(|finding| finding.state == State::Bad);
     let text = if args.json {
         serde_json::to_string_pretty(&as_json(&findings, (&measured, passing.as_ref()), period_ns))?

@@ -164,7 +164,14 @@ pub(crate) fn is_long() -> bool {
 /// A table of the long tier: `PKM_RESULTS/<name>.md` with the commit it was run on; printed where no folder is given.
 pub(crate) fn publish(name: &str, says: &str, rows: &[(&str, String)]) {
     let commit = std::env::var("PKM_COMMIT").unwrap_or_else(|_| "not stated".to_string());
-    let table: String = rows.iter().map(|(what, value)| format!("| {what} | {value} |\n")).collect();
+    let load = fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    let load: Vec<&str> = load.split_whitespace().take(3).collect();
+    let cores = std::thread::available_parallelism().map_or(0, usize::from);
+    let about = [
+        ("build", if cfg!(debug_assertions) { "for development, with debug assertions" } else { "for release" }.to_string()),
+        ("cores, and threads that wanted one in the last 1, 5, 15 minutes", format!("{cores}; {}", load.join(", "))),
+    ];
+    let table: String = rows.iter().chain(&about).map(|(what, value)| format!("| {what} | {value} |\n")).collect();
     let text = format!("# {name}\n\nCommit: {commit}\n\n{says}\n\n| what | measured |\n|---|---|\n{table}");
     match std::env::var_os("PKM_RESULTS") {
         Some(folder) => fs::write(PathBuf::from(folder).join(format!("{name}.md")), text).expect("a folder of results"),

@@ -54,7 +54,11 @@ fn arming_is_heard_whichever_side_was_there_first() {
         second.kill();
     }
     if is_long() {
-        publish("daemon_starts", "Driver and daemon started in any order, armed at the first moment at which that may be ordered.", &spread(took_s));
+        publish(
+            "daemon_starts",
+            "Driver and daemon started in any order, armed at the first moment at which that may be ordered.",
+            &spread(took_s),
+        );
     }
 }
 

@@ -1,6 +1,8 @@
 //! The whole driver but its network card, ethercrab included, on drives made of numbers: brought up, moved, at fault, torn off the bus.
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test that cannot go on fails, outside #[test] functions too")]
 
+extern crate alloc;
+
 #[path = "../../../../tests/cia402/drive.rs"]
 mod drive;
 mod segment;
@@ -190,7 +192,8 @@ fn a_bus_that_comes_back_brings_no_old_effort_with_it() {
     assert_eq!(torques(&segment), [0; 3], "the first frame that arrives");
     // And it can be armed again.
     cycles(&mut robot, &clock, 3).unwrap();
-    let anew = CommandFrame { nonce: 6, stamp_ns: clock.now_ns(), valid_until_ns: clock.now_ns() + 5 * CYCLE_NS, ..command(3, 1, Mode::Arm, 0.0) };
+    let anew =
+        CommandFrame { nonce: 6, stamp_ns: clock.now_ns(), valid_until_ns: clock.now_ns() + 5 * CYCLE_NS, ..command(3, 1, Mode::Arm, 0.0) };
     assert_eq!(robot.write(&anew.sealed()), Ok(()));
 }
 

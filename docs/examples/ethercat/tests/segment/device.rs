@@ -1,6 +1,6 @@
 //! One drive on the segment: the memory that datagrams see, and the drive behind it.
 
-use std::collections::BTreeMap;
+use alloc::collections::BTreeMap;
 
 use pkm_hal::backends::cia402::DriveOutputs;
 

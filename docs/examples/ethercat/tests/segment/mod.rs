@@ -4,10 +4,10 @@
 mod device;
 mod sii;
 
-use std::sync::{Arc, Mutex, PoisonError};
-
+use alloc::sync::Arc;
 use core::future::poll_fn;
 use core::task::Poll;
+use std::sync::{Mutex, PoisonError};
 
 use async_io::block_on;
 use ethercrab::{PduRx, PduTx};
