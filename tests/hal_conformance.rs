@@ -79,7 +79,7 @@ fn recording(periods: usize) -> Vec<StateFrame> {
 
 #[test]
 fn a_recording_in_place_of_a_robot_keeps_the_contract() {
-    let frames = recording(400);
+    let frames = recording(100);
     assert_eq!(check_device(&mut Recorded::try_new(&frames, Ticking(ManualClock::new(7))).unwrap()), Ok(()));
     let clock = Ticking(ManualClock::new(7));
     let device = Recorded::try_new(&frames, &clock).unwrap();
