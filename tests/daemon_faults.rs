@@ -109,6 +109,8 @@ struct Case {
 
 const LASTING: u64 = 150;
 
+const HOUR_NS: i64 = 3_600_000_000_000;
+
 fn case(name: &'static str, fault: Fault, periods: u64, end: Phase, cause: Option<Cause>, within: u64) -> Case {
     Case { name, faults: vec![fault], own: Own::Nothing, periods, end, cause, within }
 }
@@ -184,6 +186,8 @@ fn link_cases() -> Vec<Case> {
         case("a stranger's command accepted", Fault::OtherNonce { nonce: 77 }, LASTING, fault, Some(Cause::Foreign), 0),
         case("driver began anew", Fault::OtherNonce { nonce: 0 }, LASTING, fault, Some(Cause::Gone), 0),
         own("driver gone", Own::Gone, fault, Some(Cause::Gone), 0),
+        case("driver's clock set an hour ahead", Fault::ClockStep { by_ns: HOUR_NS }, LASTING, stop, Some(Cause::BrokenState), 3),
+        case("driver's clock set an hour back", Fault::ClockStep { by_ns: -HOUR_NS }, LASTING, stop, Some(Cause::Stale), 11),
     ]
 }
 
@@ -191,7 +195,9 @@ fn loop_cases() -> Vec<Case> {
     let (play, stop) = (Phase::Position, Phase::SafeStop);
     let mut one_stall = own("loop stands still for 30 ms, once", Own::Stall(30_000_000), play, None, 0);
     let mut long_stall = own("loop stands still for 100 ms, once", Own::Stall(100_000_000), stop, Some(Cause::Stalled), 1);
-    (one_stall.periods, long_stall.periods) = (1, 1);
+    // By a clock that goes on meanwhile.
+    let mut suspend = own("machine suspended for an hour", Own::Stall(HOUR_NS.unsigned_abs()), stop, Some(Cause::Stalled), 1);
+    (one_stall.periods, long_stall.periods, suspend.periods) = (1, 1, 1);
     let mut silence = own("supervisor silent", Own::Silence, stop, Some(Cause::Supervisor), 201);
     silence.periods = 230;
     vec![
@@ -199,6 +205,7 @@ fn loop_cases() -> Vec<Case> {
         own("one period in five takes 1.5 of its time", Own::Now(5), stop, Some(Cause::OverrunShare), 110),
         one_stall,
         long_stall,
+        suspend,
         silence,
         own("controller answers with no number", Own::Controller, stop, Some(Cause::NotFinite), 0),
         own("reference leaps by 0.1 m", Own::Leap(0.1), stop, Some(Cause::Following), 1),

@@ -1,4 +1,4 @@
-//! Readers of files under thousands of changed inputs, each target in a process of its own with little memory and little time: no abort, no
+//! Readers of files and frames under thousands of changed inputs, each target in a process of its own with little memory and little time: no abort, no
 //! panic, no hang. `PKM_LONG` makes it many more.
 
 use core::time::Duration;
@@ -115,6 +115,19 @@ fn every_target_has_seeds_that_it_reads_and_changes_that_differ() {
         let changed = inputs.iter().filter(|input| !seeds.contains(input)).count();
         assert!(changed > 30, "{}: {changed} of 40 differ", target.name);
         assert_eq!(inputs[7], input(&seeds, 7 + seeds.len() as u64), "the same in every run");
+    }
+}
+
+/// libFuzzer's program is of another workspace, which nothing here compiles: what can be seen of it is that no target is forgotten.
+#[test]
+fn every_target_has_its_twin_under_libfuzzer() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz");
+    let list = fs::read_to_string(folder.join("Cargo.toml")).expect("the list of programs");
+    let named: Vec<&str> = list.lines().filter_map(|line| line.strip_prefix("name = \"")?.strip_suffix('"')).skip(1).collect();
+    assert_eq!(named, TARGETS.map(|target| target.name));
+    for name in named {
+        let text = fs::read_to_string(folder.join(format!("fuzz_targets/{name}.rs"))).expect("the program");
+        assert!(text.contains(&format!("pkm_tests::fuzzing::{name}(bytes)")), "{name}");
     }
 }
 

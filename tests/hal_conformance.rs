@@ -1,7 +1,8 @@
 //! The contract of hardware, on every backend there is, and on some that break it; what a HAL does when wires and programs fail.
 
 use pkm_dyn::urdf::parse;
-use pkm_hal::backends::Loopback;
+use pkm_hal::backends::recorded::OVER;
+use pkm_hal::backends::{Loopback, Recorded};
 use pkm_hal::conformance::{check_device, check_guarded};
 use pkm_hal::frame::status;
 use pkm_hal::{
@@ -53,6 +54,68 @@ fn every_shipped_robot_simulated_keeps_the_contract() {
             let outcome = check_device(&mut simulated(robot.name, &options));
             assert_eq!(outcome, Ok(()), "{}", robot.name);
         }
+    }
+}
+
+/// A clock that goes on by a tenth of a period whenever somebody looks at it.
+struct Ticking(ManualClock);
+
+impl Clock for Ticking {
+    fn now_ns(&self) -> u64 {
+        self.0.advance(PERIOD_NS / 10);
+        self.0.now_ns()
+    }
+}
+
+/// What a simulated robot said, period by period.
+fn recording(periods: usize) -> Vec<StateFrame> {
+    let mut robot = simulated("five_bar", &real());
+    let state = |_| {
+        robot.elapse().expect("a period");
+        robot.read().expect("a state")
+    };
+    (0..periods).map(state).collect()
+}
+
+#[test]
+fn a_recording_in_place_of_a_robot_keeps_the_contract() {
+    let frames = recording(100);
+    assert_eq!(check_device(&mut Recorded::try_new(&frames, Ticking(ManualClock::new(7))).unwrap()), Ok(()));
+    let clock = Ticking(ManualClock::new(7));
+    let device = Recorded::try_new(&frames, &clock).unwrap();
+    let mut hal = Watchdog::try_new(device, &clock, WatchdogLimits::of_period(PERIOD_NS), bounded(SafeKind::Damp)).unwrap();
+    check_guarded(&mut hal, &&clock, 5 * PERIOD_NS, &mut |_, ns| clock.0.advance(ns)).unwrap();
+}
+
+#[test]
+fn what_was_recorded_comes_again_in_its_time_and_then_no_more() {
+    let frames = recording(20);
+    let clock = ManualClock::new(1_000_000_000);
+    let mut played = Recorded::try_new(&frames, &clock).unwrap();
+    let first = played.read().unwrap();
+    assert_eq!((first.sequence, first.stamp_ns), (1, 1_000_000_000));
+    for recorded in &frames[1..10] {
+        // Not a moment too early.
+        let wait_ns = recorded.stamp_ns - frames[0].stamp_ns - (clock.now_ns() - 1_000_000_000);
+        clock.advance(wait_ns - 1);
+        let before = played.read().unwrap();
+        clock.advance(1);
+        let now = played.read().unwrap();
+        assert_eq!((now.sequence, now.stamp_ns), (before.sequence + 1, clock.now_ns()));
+        assert_eq!((now.q.map(f64::to_bits), now.tau.map(f64::to_bits)), (recorded.q.map(f64::to_bits), recorded.tau.map(f64::to_bits)));
+    }
+    // Who does not look misses some, and can count them.
+    clock.advance(frames[14].stamp_ns - frames[9].stamp_ns);
+    assert_eq!(played.read().unwrap().sequence, 15);
+    clock.advance(frames[19].stamp_ns - frames[14].stamp_ns);
+    assert_eq!(played.read().unwrap().sequence, 20);
+    clock.advance(1);
+    assert_eq!(played.read(), Err(HalError::Gone { code: OVER }));
+    // What is no recording of one robot.
+    let broken = StateFrame { q: [f64::NAN; MAX_AXES], ..frames[1] }.sealed();
+    let other = StateFrame { stamp_ns: frames[0].stamp_ns + 1, ..StateFrame::new(3, 0) }.sealed();
+    for bad in [&[][..], &[frames[1], frames[0]], &[frames[0], broken], &[frames[0], other]] {
+        assert!(Recorded::try_new(bad, &clock).is_err());
     }
 }
 

@@ -24,7 +24,10 @@ pub(crate) const CONFIG: &str = include_str!("../../docs/examples/daemon.toml");
 pub(crate) const CONTROLLER: &str = include_str!("../../docs/examples/controllers/computed_torque_200hz.toml");
 
 /// The robot as a HAL: what a driver would be.
-pub(crate) type Guarded<'c> = Watchdog<Limiter<Paced<Box<dyn Plant>, &'c ManualClock>>, &'c ManualClock>;
+pub(crate) type GuardedBy<C> = Watchdog<Limiter<Paced<Box<dyn Plant>, C>>, C>;
+
+/// The same, in a time that moves only when told to.
+pub(crate) type Guarded<'c> = GuardedBy<&'c ManualClock>;
 
 /// A shipped robot.
 pub(crate) fn robot(name: &str) -> Robot {
@@ -43,7 +46,7 @@ pub(crate) fn controller(robot: &Robot) -> Box<dyn Running> {
 }
 
 /// The simulated robot, standing at `start`, behind limits and a watchdog of its own.
-pub(crate) fn guarded<'c>(robot: &Robot, settings: &Settings, start: &[f64], clock: &'c ManualClock) -> Guarded<'c> {
+pub(crate) fn guarded<C: Clock + Copy>(robot: &Robot, settings: &Settings, start: &[f64], clock: C) -> GuardedBy<C> {
     let plant = PlantKind::Reduced.build(robot, 1, start, &vec![0.0; start.len()]).expect("it closes");
     let period_ns = settings.limits.period_ns;
     let options = SimOptions { period_ns, substeps: 10, encoder_resolution: 1e-6, encoder_noise: 1e-6, ..SimOptions::default() };

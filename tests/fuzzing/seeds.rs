@@ -21,6 +21,8 @@ pub fn of(target: &str) -> Vec<Vec<u8>> {
         "urdf" => robots(|robot| robot.urdf),
         "robot_toml" => robots(|robot| robot.toml),
         "controller_toml" => files(&root().join("docs/examples/controllers")),
+        "daemon_toml" => vec![fs::read(root().join("docs/examples/daemon.toml")).expect("the example"), every_key().to_vec()],
+        "frames" => vec![super::frames::session(), super::frames::motion()],
         "csv" => vec![recorded("A.csv")],
         "mcap" => vec![recorded("A.mcap"), bag_of(&message())],
         "cdr" => vec![message(), steps_message()],
@@ -32,6 +34,16 @@ pub fn of(target: &str) -> Vec<Vec<u8>> {
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// A daemon.toml with every key there is.
+fn every_key() -> &'static [u8] {
+    b"robot = \"prs3\"\ncontroller = \"c.toml\"\ndirectory = \"meet\"\nrealtime = \"off\"\nblack_box_s = 2.0\n\
+    [hal]\nkind = \"iceoryx2\"\nvalid_for_s = 0.1\nlate_s = 0.02\nstale_s = 0.1\n\
+    [loop]\nstall_s = 0.1\nsupervisor_s = 1.0\nconsecutive_overruns = 5\noverrun_share = 0.1\nsoft_start_s = 0.5\nstop_s = 0.5\npriority = 80\ncpu = 1\n\
+    [limits]\neffort = [100.0, 200.0, 300.0]\neffort_rate = 1e5\nvelocity = 0.3\nlower = 0.01\nupper = 0.25\nposition_gain = 20.0\nvelocity_gain = 1e4\n\
+    following = 0.05\nstuck = 0.01\njump = 0.01\nmove_speed = 0.1\n\
+    [safe]\nkind = \"hold\"\nstiffness = 2e4\ndamping = 2e3\neffort = 100.0\nramp_s = 0.5\n[home]\nq = [0.1, 0.12, 0.14]\n[run]\nmotion = \"m.csv\"\n"
 }
 
 /// Contents of the files of a folder, by name; none where there is no folder.

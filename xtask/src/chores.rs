@@ -41,7 +41,8 @@ pub(crate) fn long(only: &[&str]) -> Result<(), String> {
     }
     if only.is_empty() || files.contains(&DAEMON) {
         // Two hundred killed starts, a hundred armings, ten minutes at 1 kHz.
-        run(cargo("test --release --locked -p pkm --test daemon").env("PKM_LONG", "1"))?;
+        let mut command = cargo("test --release --locked -p pkm --test daemon");
+        run(command.env("PKM_LONG", "1").env("PKM_RESULTS", &results).env("PKM_COMMIT", &commit))?;
     }
     if !only.is_empty() {
         return Ok(());

@@ -1,5 +1,5 @@
-//! `cargo xtask latency`: how late a loop wakes, what it computes, and how long it takes to a robot in another process and back, idle and beside
-//! work on every core, in one run; the table in benches/README.md written anew.
+//! `cargo xtask latency`: how late a loop wakes, what it computes, how long it takes to a robot in another process and back, and what the disk
+//! takes, idle and beside work on every core, in one run; the table in benches/README.md written anew.
 
 use alloc::sync::Arc;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -22,7 +22,7 @@ pub(crate) fn latency(rest: &[&str]) -> Result<(), String> {
     let pkm = target().join("release/pkm");
     let mut text = head("a daemon at 1 kHz on the 3-PRS, its simulated driver in another process", "as each row says");
     for (name, is_loaded) in [("otherwise idle", false), ("beside one busy loop per core", true)] {
-        println!("   {name}: {} s", 6 * length);
+        println!("   {name}: {} s", 6 * length + 17);
         let load = is_loaded.then(Load::start);
         let doctor = output(Command::new(&pkm).args(["doctor", "--seconds", seconds]))?;
         let table = doctor.find("Wake-ups every").map_or(doctor.as_str(), |at| &doctor[at..]);

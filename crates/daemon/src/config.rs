@@ -1,5 +1,6 @@
 //! A daemon.toml: read whole and checked whole before anything is opened; layout in docs/FORMATS.md.
 
+mod buildable;
 mod layout;
 #[cfg(test)]
 mod tests;
@@ -173,6 +174,7 @@ impl DaemonConfig {
         let at = Reader { config: self, model, period: 1.0 / rate_hz };
         let axes = at.axes()?;
         let limits = at.limits(&axes)?;
+        at.buildable(&axes, limits.safe)?;
         let timing = &self.layout.timing;
         let whole = |x: f64| x.fract() == 0.0;
         let priority = at.number("loop.priority", timing.priority.as_ref(), 80.0, [1.0, 98.0], "")?;

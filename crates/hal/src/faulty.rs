@@ -93,6 +93,11 @@ pub enum Fault {
         /// Whose.
         nonce: u64,
     },
+    /// The device's clock was set: stamps are off by so much.
+    ClockStep {
+        /// Ahead, or negative, back `[ns]`.
+        by_ns: i64,
+    },
     /// The drive does nothing.
     DeadDrive {
         /// Which axis.
@@ -198,6 +203,7 @@ fn distort(fault: &Fault, state: &mut StateFrame, shown: Option<&StateFrame>) {
         }
         Fault::OtherLayout => state.layout = !StateFrame::LAYOUT,
         Fault::OtherNonce { nonce } => state.nonce = nonce,
+        Fault::ClockStep { by_ns } => state.stamp_ns = stamp_ns.saturating_add_signed(by_ns),
         Fault::Drop
         | Fault::Duplicate
         | Fault::Vanish

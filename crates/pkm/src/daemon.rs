@@ -66,7 +66,8 @@ Examples:
   pkm daemon --check daemon.toml
   pkm daemon daemon.toml
   pkm daemon --seconds 10 --start
-  pkm daemon daemon.toml --record runs")]
+  pkm daemon daemon.toml --record runs
+  pkm daemon daemon.toml --record runs --live 8765     # and look at ws://localhost:8765")]
 pub(crate) struct Args {
     /// A daemon.toml [default: the shipped example].
     config: Option<PathBuf>,

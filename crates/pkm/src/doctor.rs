@@ -2,6 +2,7 @@
 
 mod facts;
 mod jitter;
+mod logging;
 mod rights;
 mod shared;
 
@@ -14,6 +15,7 @@ use serde_json::{Value, json};
 use crate::out;
 use facts::{Finding, State};
 use jitter::{Jitter, Measured};
+use logging::Logging;
 use pkm_daemon::histogram::Summary;
 use shared::Shared;
 
@@ -23,8 +25,8 @@ use shared::Shared;
 Every line says what was found and, where something can be better, what to do about it. A loop of pkm (a record of every period, sealed and
 put into a ring) and beside it a bare one that does nothing but clock_nanosleep wake up every period, first with ordinary rights, then with
 those of a control loop (SCHED_FIFO, memory locked, processor kept awake) as far as they are granted. Then a sample goes through shared memory
-there and back, between threads that never sleep: of iceoryx2 alone, and as a sealed command and the state that answers it. Take minutes, and load the machine as
-it will be loaded, before the largest number is believed. Exit status: 0 nothing is in the way of a control loop, 1 something is.
+there and back, between threads that never sleep: of iceoryx2 alone, and as a sealed command and the state that answers it. At last periods of
+twelve axes are recorded among the temporary files, as fast as it goes and at 4 kHz. Take minutes, and load the machine as it will be loaded, before the largest number is believed. Exit status: 0 nothing is in the way of a control loop, 1 something is.
 
 Examples:
   pkm doctor
@@ -45,6 +47,12 @@ pub(crate) struct Args {
     json: bool,
 }
 
+/// What passes between processes, and to the disk.
+struct Passing {
+    shared: Shared,
+    logging: Logging,
+}
+
 /// Runs the verb.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     anyhow::ensure!(cfg!(target_os = "linux"), "pkm doctor looks at Linux; this is another system");
@@ -61,12 +69,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         measured.push(jitter::measure(length, period_ns, Some(args.priority)));
         findings.push(judged(&measured, period_ns));
     }
-    let shared = if args.seconds > 0 { Some(shared::measure(length)?) } else { None };
+    let passing =
+        if args.seconds > 0 { Some(Passing { shared: shared::measure(length)?, logging: logging::measure(length)? }) } else { None };
     let is_bad = findings.iter().any(|finding| finding.state == State::Bad);
     let text = if args.json {
-        serde_json::to_string_pretty(&as_json(&findings, (&measured, shared.as_ref()), period_ns))?
+        serde_json::to_string_pretty(&as_json(&findings, (&measured, passing.as_ref()), period_ns))?
     } else {
-        as_text(&findings, (&measured, shared.as_ref()), period_ns, args.seconds)
+        as_text(&findings, (&measured, passing.as_ref()), period_ns, args.seconds)
     };
     out::say(&out::clean(&text))?;
     Ok(if is_bad { ExitCode::from(1) } else { ExitCode::SUCCESS })
@@ -93,7 +102,7 @@ fn judged(measured: &[Measured], period_ns: u64) -> Finding {
     Finding::new("wake-ups", &found, state, advice)
 }
 
-fn as_text(findings: &[Finding], (measured, shared): (&[Measured], Option<&Shared>), period_ns: u64, seconds: u64) -> String {
+fn as_text(findings: &[Finding], (measured, passing): (&[Measured], Option<&Passing>), period_ns: u64, seconds: u64) -> String {
     let mut lines = Vec::new();
     for finding in findings {
         lines.push(format!("{}  {:<18} {}", finding.state.mark(), finding.what, finding.found));
@@ -115,7 +124,7 @@ fn as_text(findings: &[Finding], (measured, shared): (&[Measured], Option<&Share
         }
         lines.push(out::table(&rows));
     }
-    if let Some(shared) = shared {
+    if let Some(Passing { shared, logging }) = passing {
         lines.push(format!("\nShared memory, there and back for {seconds} s, microseconds:"));
         let row = |name: &str, s: &Summary| {
             let shares = [s.p50_us, s.p99_us, s.p999_us, s.max_us].map(|us| format!("{us:.1}"));
@@ -123,11 +132,16 @@ fn as_text(findings: &[Finding], (measured, shared): (&[Measured], Option<&Share
         };
         let head = ["", "median", "99 %", "99.9 %", "largest", "times"].map(str::to_string).to_vec();
         lines.push(out::table(&[head, row("iceoryx2 alone", &shared.bare), row("command and state", &shared.own)]));
+        let Logging { periods_per_s, bytes_per_s, paced, lost } = *logging;
+        lines.push(format!(
+            "\nRecording twelve axes: {periods_per_s:.0} periods a second as fast as it goes, {:.0} MB/s; at 4 kHz {lost} of {paced} lost.",
+            bytes_per_s * 1e-6
+        ));
     }
     lines.join("\n")
 }
 
-fn as_json(findings: &[Finding], (measured, shared): (&[Measured], Option<&Shared>), period_ns: u64) -> Value {
+fn as_json(findings: &[Finding], (measured, passing): (&[Measured], Option<&Passing>), period_ns: u64) -> Value {
     let finding = |f: &Finding| json!({"what": f.what, "found": f.found, "state": f.state.name(), "advice": f.advice});
     let jitter = |j: &Jitter| {
         json!({
@@ -136,10 +150,14 @@ fn as_json(findings: &[Finding], (measured, shared): (&[Measured], Option<&Share
         })
     };
     let run = |m: &Measured| json!({"rights": m.rights, "granted": m.is_granted, "bare": jitter(&m.bare), "loop": jitter(&m.own)});
-    let shared = shared.map(|shared| json!({"bare": shared.bare, "own": shared.own}));
+    let shared = passing.map(|passing| json!({"bare": passing.shared.bare, "own": passing.shared.own}));
+    let logging = passing.map(|Passing { logging: l, .. }| {
+        json!({"periods_per_s": l.periods_per_s, "bytes_per_s": l.bytes_per_s, "periods_at_4_khz": l.paced, "lost_at_4_khz": l.lost})
+    });
     json!({
         "schema": "pkm.doctor/1",
         "shared_memory": shared,
+        "logging": logging,
         "findings": findings.iter().map(finding).collect::<Vec<_>>(),
         "period_us": period_ns as f64 * 1e-3,
         "jitter": measured.iter().map(run).collect::<Vec<_>>(),

@@ -50,6 +50,14 @@ fn every_refusal_names_file_line_key_value_and_limit() {
         ("[safe]", "[loop]\npriority = 99\n[safe]", "d.toml:9: loop.priority = 99 (must be 1 to 98)"),
         ("[safe]", "[loop]\npriority = 7.5\n[safe]", "d.toml:9: loop.priority: must be a whole number"),
         ("[safe]", "[home]\nq = [0.1, 0.1, 0.4]\n[safe]", "d.toml:9: home.q = 0.4 at joint \"q8\" (its range is 0 to 0.3)"),
+        // What the robot's side would refuse later is refused here.
+        ("[0.3, 0.3, 0.2]", "[0.3, 0.0, 0.2]", "d.toml:7: limits.velocity = 0 at joint \"q6\" (must be positive)"),
+        (
+            "[safe]",
+            "position_gain = 0\n[safe]",
+            "d.toml:8: limits.position_gain = 0 at joint \"q1\" (must be finite and not negative, above 0",
+        ),
+        ("damping = 500.0", "damping = 500.0\neffort = 1.7976931348623157e308", "d.toml:11: safe.effort = 179769313486231570"),
         ("controller = \"controller.toml\"\n", "", "d.toml:1: missing field `controller`"),
     ] {
         let told = with(from, to);

@@ -117,13 +117,16 @@ const RESET_CYCLES: u32 = 5;
 
 /// `N` drives as a device: put a [`crate::Limiter`] and a [`crate::Watchdog`] around it.
 ///
-/// [`Backend::read`] is the cycle of the bus; a command goes out with the next one. Efforts bring the drives step by step to operation, every
+/// [`Backend::read`] is the cycle of the bus, and a command goes out with the next one, also where cycles before it were lost: what is old by
+/// then is not sent. Efforts bring the drives step by step to operation, every
 /// other mode takes their voltage away, at which a drive engages its brake where it has one. [`Mode::Arm`] acknowledges faults.
 #[derive(Debug)]
 pub struct Cia402<F, const N: usize> {
     bus: F,
     scales: [DriveScale; N],
     outputs: [DriveOutputs; N],
+    /// What the drives said last.
+    inputs: [DriveInputs; N],
     state: StateFrame,
     is_wanted: bool,
     /// Targets `[1/1000 of the rated torque]`, and the efforts that they are `[N | N·m]`.
@@ -147,8 +150,8 @@ impl<F: Fieldbus, const N: usize> Cia402<F, N> {
             return Err(HalError::Config { axis, what: "rated effort", value, limit: "must be finite and not 0" });
         }
         let state = StateFrame::new(N, 0);
-        let outputs = [DriveOutputs::OFF; N];
-        Ok(Self { bus, scales, outputs, state, is_wanted: false, targets: [0; N], efforts: [0.0; MAX_AXES], reset: 0 })
+        let (outputs, inputs) = ([DriveOutputs::OFF; N], [DriveInputs::default(); N]);
+        Ok(Self { bus, scales, outputs, inputs, state, is_wanted: false, targets: [0; N], efforts: [0.0; MAX_AXES], reset: 0 })
     }
 
     /// The bus.
@@ -156,10 +159,10 @@ impl<F: Fieldbus, const N: usize> Cia402<F, N> {
         &mut self.bus
     }
 
-    /// What goes out with the next cycle, by what the last one said.
-    fn prepare(&mut self, inputs: &[DriveInputs; N]) {
+    /// What goes out with this cycle, by what the last one said.
+    fn prepare(&mut self) {
         for (k, output) in self.outputs.iter_mut().enumerate() {
-            let state = DriveState::of(inputs[k].status);
+            let state = DriveState::of(self.inputs[k].status);
             let reset = if state == DriveState::Fault && self.reset > 0 { RESET } else { 0 };
             // Torque before operation is enabled would act the moment that it is.
             let torque = if self.is_wanted && state == DriveState::OperationEnabled { self.targets[k] } else { 0 };
@@ -188,9 +191,10 @@ impl<F: Fieldbus, const N: usize> Backend for Cia402<F, N> {
     }
 
     fn read(&mut self) -> Result<StateFrame, HalError> {
-        let mut inputs = [DriveInputs::default(); N];
+        self.prepare();
+        let mut inputs = self.inputs;
         let stamp_ns = self.bus.exchange(&self.outputs, &mut inputs)?;
-        self.prepare(&inputs);
+        self.inputs = inputs;
         let state = &mut self.state;
         // Every cycle brings a sample, at a time that never falls.
         (state.sequence, state.stamp_ns) = (state.sequence + 1, state.stamp_ns.max(stamp_ns));

@@ -4,5 +4,7 @@ pub mod cia402;
 #[cfg(feature = "iceoryx2")]
 pub mod iceoryx2;
 mod loopback;
+pub mod recorded;
 
 pub use loopback::Loopback;
+pub use recorded::Recorded;

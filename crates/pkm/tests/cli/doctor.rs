@@ -41,6 +41,10 @@ fn a_machine_is_looked_at_and_measured() {
         // A sample through two shared caches takes no less than a tenth of a microsecond.
         assert!(number("p50_us") > 0.1, "{told}");
     }
+    let number = |key: &str| told["logging"][key].as_f64().unwrap();
+    // A disk that could not take the fastest loop would be a finding; twelve axes are more than half a kilobyte, packed or not.
+    assert!(number("periods_per_s") > 1000.0 && number("bytes_per_s") > 500.0 * number("periods_per_s"), "{told}");
+    assert!((1000.0..=4001.0).contains(&number("periods_at_4_khz")) && number("lost_at_4_khz") == 0.0, "{told}");
     let is_bad = findings.iter().any(|f| f["state"] == "bad");
     assert_eq!(output.status.code(), Some(i32::from(is_bad)));
     assert_eq!(told["fit"], !is_bad);

@@ -2,6 +2,8 @@
 #![cfg(target_os = "linux")]
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test that cannot go on fails, outside #[test] functions too")]
 
+#[cfg(feature = "live")]
+mod live;
 mod service;
 mod site;
 mod soak;

@@ -153,7 +153,31 @@ impl Site {
 
 /// How many trials: many in the long tier (`PKM_LONG`), some in every run.
 pub(crate) fn trials(some: u64, many: u64) -> u64 {
-    if std::env::var_os("PKM_LONG").is_some() { many } else { some }
+    if is_long() { many } else { some }
+}
+
+/// Whether this is the long tier, whose measurements are kept.
+pub(crate) fn is_long() -> bool {
+    std::env::var_os("PKM_LONG").is_some()
+}
+
+/// A table of the long tier: `PKM_RESULTS/<name>.md` with the commit it was run on; printed where no folder is given.
+#[expect(clippy::print_stdout, reason = "a table that cannot be written must not pass for one that was")]
+pub(crate) fn publish(name: &str, says: &str, rows: &[(&str, String)]) {
+    let commit = std::env::var("PKM_COMMIT").unwrap_or_else(|_| "not stated".to_string());
+    let load = fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    let load: Vec<&str> = load.split_whitespace().take(3).collect();
+    let cores = std::thread::available_parallelism().map_or(0, usize::from);
+    let about = [
+        ("build", if cfg!(debug_assertions) { "for development, with debug assertions" } else { "for release" }.to_string()),
+        ("cores, and threads that wanted one in the last 1, 5, 15 minutes", format!("{cores}; {}", load.join(", "))),
+    ];
+    let table: String = rows.iter().chain(&about).map(|(what, value)| format!("| {what} | {value} |\n")).collect();
+    let text = format!("# {name}\n\nCommit: {commit}\n\n{says}\n\n| what | measured |\n|---|---|\n{table}");
+    match std::env::var_os("PKM_RESULTS") {
+        Some(folder) => fs::write(PathBuf::from(folder).join(format!("{name}.md")), text).expect("a folder of results"),
+        None => println!("{text}"),
+    }
 }
 
 /// A process of this test.

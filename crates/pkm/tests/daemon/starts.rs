@@ -6,7 +6,7 @@ use std::process::Command;
 
 use pkm_hal::{Clock, SystemClock};
 
-use crate::site::{CONFIG, PATIENCE_S, Site, trials};
+use crate::site::{CONFIG, PATIENCE_S, Site, is_long, publish, trials};
 
 /// Random pauses and choices, the same in every run: xorshift (Marsaglia), whose period is longer than any test.
 struct Dice(u64);
@@ -38,6 +38,7 @@ fn is_armed_at_once(site: &Site) {
 #[test]
 fn arming_is_heard_whichever_side_was_there_first() {
     let mut dice = Dice(0x2545_F491_4F6C_DD1D);
+    let mut took_s = Vec::new();
     for trial in 0..trials(6, 100) {
         let site = Site::new();
         // In turn: the driver first, the daemon first; every third time both at once.
@@ -46,16 +47,37 @@ fn arming_is_heard_whichever_side_was_there_first() {
             dice.pause(1000);
         }
         let second = site.start(SIDES[usize::from(trial % 2 == 0)]);
+        let begin_ns = SystemClock.now_ns();
         is_armed_at_once(&site);
+        took_s.push((SystemClock.now_ns() - begin_ns) as f64 * 1e-9);
         first.kill();
         second.kill();
     }
+    if is_long() {
+        publish(
+            "daemon_starts",
+            "Driver and daemon started in any order, armed at the first moment at which that may be ordered.",
+            &spread(took_s),
+        );
+    }
+}
+
+/// How long it took from the second start to an armed robot.
+fn spread(mut took_s: Vec<f64>) -> [(&'static str, String); 3] {
+    took_s.sort_by(f64::total_cmp);
+    let (median, longest) = (took_s[took_s.len() / 2], took_s[took_s.len() - 1]);
+    [
+        ("starts that ended in an armed robot", format!("{} of {}", took_s.len(), took_s.len())),
+        ("from the second start to armed, median", format!("{median:.2} s")),
+        ("from the second start to armed, longest", format!("{longest:.2} s")),
+    ]
 }
 
 #[test]
 fn both_sides_killed_while_they_start_leave_nothing_that_keeps_the_next_from_moving_the_robot() {
     let site = Site::new();
     let mut dice = Dice(0x9E37_79B9_7F4A_7C15);
+    let mut took_s = Vec::new();
     for _ in 0..trials(20, 200) {
         for _ in 0..2 {
             let k = usize::from(dice.below(2) == 1);
@@ -71,10 +93,16 @@ fn both_sides_killed_while_they_start_leave_nothing_that_keeps_the_next_from_mov
         let first = site.start(SIDES[k]);
         dice.pause(60);
         let second = site.start(SIDES[1 - k]);
+        let begin_ns = SystemClock.now_ns();
         is_armed_at_once(&site);
+        took_s.push((SystemClock.now_ns() - begin_ns) as f64 * 1e-9);
         first.kill();
         second.kill();
         site.forget();
+    }
+    if is_long() {
+        let says = "Driver and daemon killed twice within 60 ms of their starts, then started once more in the same directory, and armed.";
+        publish("daemon_double_kills", says, &spread(took_s));
     }
 }
 
