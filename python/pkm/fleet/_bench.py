@@ -68,7 +68,10 @@ def _warm(tasks: list[Task], n: int, rounds: int, folder: Path) -> list[tuple[fl
     )
     out = []
     with cluster, distributed.Client(cluster) as client:
-        used_by_all = lambda: _processor() + sum(client.run(_processor).values())
+
+        def used_by_all() -> float:
+            return _processor() + float(sum(client.run(_processor).values()))
+
         _done(tasks[: 2 * n], folder / "warm.parquet", scheduler=client)
         for k in range(rounds):
             start, used = time.perf_counter(), used_by_all()
