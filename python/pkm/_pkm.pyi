@@ -249,7 +249,7 @@ class Recording:
     """One recording: equally long named signals over one time axis. It never changes; NaN is a missing sample."""
 
     def __new__(
-        cls, time: ArrayLike, signals: dict[str, ArrayLike], *, name: str = "", meta: dict[str, Any] | None = None
+        cls, time: ArrayLike, signals: dict[str, ArrayLike], *, name: str = "recording", meta: dict[str, Any] | None = None
     ) -> Recording:
         """From time [s], (n_samples,), strictly increasing, and signals by name (`q.<joint>`, `tau.<joint>`, ...), SI."""
 
