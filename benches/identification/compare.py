@@ -200,12 +200,14 @@ def main(folder, table, rounds):
 
     q, v, a, tau, dt = motion(train, robot.actuators)
     room = robot.regressor(q, v, a)
+    other = np.empty_like(room)
     tau_of = lambda y: (y.reshape(-1, y.shape[2]).T @ y.reshape(-1, y.shape[2]), y.reshape(-1, y.shape[2]).T @ tau.ravel())
-    (ours, into, products, theirs, with_products), (y, _, sums, y_pin, sums_pin) = best(
+    (ours, into, written, products, theirs, with_products), (y, _, _, sums, y_pin, sums_pin) = best(
         rounds,
         [
             lambda: robot.regressor(q, v, a),
             lambda: robot.regressor(q, v, a, out=room),
+            lambda: other.fill(1.0),
             lambda: robot.regressor_products(q, v, a, tau),
             lambda: pinocchio_loop(model, data, q, v, a),
             lambda: tau_of(pinocchio_loop(model, data, q, v, a)),
@@ -220,6 +222,7 @@ def main(folder, table, rounds):
         "|---|---|---|",
         f"| `pkm`, `robot.regressor(q, v, a)` | {1e3 * ours:.0f} ms | {theirs / ours:.1f} × as fast |",
         f"| the same with `out=` | {1e3 * into:.0f} ms | {theirs / into:.1f} × as fast |",
+        f"| numpy writing one number {room.size:,} times: {room.nbytes / 1e6:.0f} MB, one thread, nothing computed | {1e3 * written:.0f} ms | {theirs / written:.1f} × as fast |",
         f"| Pinocchio, `computeJointTorqueRegressor` in a loop | {1e3 * theirs:.0f} ms | numbers apart: {apart:.0e} |",
         f"| `pkm`, `robot.regressor_products(q, v, a, tau)`, nothing stored | {1e3 * products:.0f} ms | {with_products / products:.1f} × as fast |",
         f"| Pinocchio in a loop, then `W.T @ W` and `W.T @ tau` of numpy | {1e3 * with_products:.0f} ms | numbers apart: {sums_apart:.0e} |",
