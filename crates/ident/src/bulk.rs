@@ -4,6 +4,8 @@
 //! the processor's widest instructions work on whole rows. No sum is fused or reordered by that, so the bits are the same on every
 //! processor. Through loops a sample needs the one before it; these robots go sample by sample.
 
+#![allow(clippy::needless_range_loop, reason = "a lane is the same place in several rows; loops over it become one wide instruction")]
+
 use nalgebra::{Matrix3, Vector3};
 use pkm_dyn::model::{JointKind, Part};
 use pkm_dyn::parameters::N_INERTIAL;
