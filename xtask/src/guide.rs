@@ -222,6 +222,9 @@ mod tests {
         assert_eq!(dead("[a](start.md#x) [b](https://c.org/d) [e](gone.md) [f](../book.toml)", &folder), ["gone.md", "../book.toml"]);
         for page in pages(&folder).unwrap() {
             assert_eq!(dead(&whole(&page), page.parent().unwrap()), Vec::<String>::new(), "{}", page.display());
+            // mdBook names such a page index.html, and leaves the links to it as they are.
+            let is_renamed = page.file_name().is_some_and(|n| n == "README.md") && page.parent() != Some(folder.as_path());
+            assert!(!is_renamed, "{}: call it index.md", page.display());
         }
     }
 
