@@ -67,12 +67,12 @@ fn section<'a>(page: &'a str, heading: &str) -> &'a str {
 
 #[test]
 fn every_effect_has_a_page_and_every_page_an_effect() {
-    let named: BTreeSet<String> = CATALOGUE.iter().map(|e| format!("{}.md", e.name)).chain(["README.md".to_string()]).collect();
+    let named: BTreeSet<String> = CATALOGUE.iter().map(|e| format!("{}.md", e.name)).chain(["index.md".to_string()]).collect();
     let there: BTreeSet<String> =
         pages(&source().join("effects")).iter().map(|p| p.file_name().unwrap().to_string_lossy().into_owned()).collect();
     assert_eq!(there, named);
     let summary = read(&source().join("SUMMARY.md"));
-    let overview = read(&source().join("effects/README.md"));
+    let overview = read(&source().join("effects/index.md"));
     for e in CATALOGUE {
         assert!(summary.contains(&format!("[{0}](effects/{0}.md)", e.name)), "SUMMARY.md lacks {}", e.name);
         assert!(overview.contains(&format!("({0}.md) `{0}`", e.name)), "the overview lacks {}", e.name);

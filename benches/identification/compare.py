@@ -200,24 +200,32 @@ def main(folder, table, rounds):
 
     q, v, a, tau, dt = motion(train, robot.actuators)
     room = robot.regressor(q, v, a)
-    (ours, into, products, theirs), (y, _, _, y_pin) = best(
+    other = np.empty_like(room)
+    tau_of = lambda y: (y.reshape(-1, y.shape[2]).T @ y.reshape(-1, y.shape[2]), y.reshape(-1, y.shape[2]).T @ tau.ravel())
+    (ours, into, written, products, theirs, with_products), (y, _, _, sums, y_pin, sums_pin) = best(
         rounds,
         [
             lambda: robot.regressor(q, v, a),
             lambda: robot.regressor(q, v, a, out=room),
-            lambda: robot.regressor_products(q, v, a, np.zeros_like(q)),
+            lambda: other.fill(1.0),
+            lambda: robot.regressor_products(q, v, a, tau),
             lambda: pinocchio_loop(model, data, q, v, a),
+            lambda: tau_of(pinocchio_loop(model, data, q, v, a)),
         ],
     )
     apart = np.abs(y - y_pin).max() / np.abs(y_pin).max()
     assert apart < 1e-9, f"regressors differ by {apart}"
+    sums_apart = max(np.abs(x - z).max() / np.abs(z).max() for x, z in zip(sums, sums_pin, strict=False))
+    assert sums_apart < 1e-9, f"products differ by {sums_apart}"
     out = [
-        f"| regressor of {len(q)} samples | time | |",
+        f"| regressor of {len(q)} samples | time | beside the next row of Pinocchio |",
         "|---|---|---|",
         f"| `pkm`, `robot.regressor(q, v, a)` | {1e3 * ours:.0f} ms | {theirs / ours:.1f} × as fast |",
         f"| the same with `out=` | {1e3 * into:.0f} ms | {theirs / into:.1f} × as fast |",
-        f"| `pkm`, `robot.regressor_products(q, v, a, tau)`, nothing stored | {1e3 * products:.0f} ms | {theirs / products:.1f} × as fast |",
+        f"| numpy writing one number {room.size:,} times: {room.nbytes / 1e6:.0f} MB, one thread, nothing computed | {1e3 * written:.0f} ms | {theirs / written:.1f} × as fast |",
         f"| Pinocchio, `computeJointTorqueRegressor` in a loop | {1e3 * theirs:.0f} ms | numbers apart: {apart:.0e} |",
+        f"| `pkm`, `robot.regressor_products(q, v, a, tau)`, nothing stored | {1e3 * products:.0f} ms | {with_products / products:.1f} × as fast |",
+        f"| Pinocchio in a loop, then `W.T @ W` and `W.T @ tau` of numpy | {1e3 * with_products:.0f} ms | numbers apart: {sums_apart:.0e} |",
         "",
     ]
     del y, y_pin

@@ -32,6 +32,7 @@ __all__ = [
     "Excitation",
     "Identification",
     "Mu",
+    "Plant",
     "Recording",
     "Report",
     "Robot",
@@ -99,6 +100,9 @@ class Robot:
     def assemble(self) -> NDArray[numpy.float64]:
         """Tree coordinates that close the loops near the stated assembly [m | rad], shape (nv,)."""
 
+    def mid_pose(self) -> NDArray[numpy.float64]:
+        """Positions of the drives in the middle of their travel [m | rad], (n_act,)."""
+
     def parameters(self) -> NDArray[numpy.float64]:
         """Inertial parameters, shape (10 * nv,): mass, mx, my, mz, ixx, ixy, iyy, ixz, iyz, izz of each body [kg, kg·m, kg·m²]."""
 
@@ -137,6 +141,12 @@ class Robot:
     def energies(self, q: ArrayLike, v: ArrayLike) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
         """Kinetic and potential energy [J], (n_samples,) each. Arguments (n_samples, nv)."""
 
+    def energy_regressors(self, q: ArrayLike, v: ArrayLike) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
+        """Kinetic and potential energy per inertial parameter, (n_samples, 10 * nv) each. Arguments (n_samples, nv)."""
+
+    def frame_motion(self, link: str, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
+        """Velocity and acceleration of a link's origin in the root's axes, (n_samples, 6) each, linear part first. Arguments (n_samples, nv)."""
+
     def center_of_mass(self, q: ArrayLike) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
         """Centre of mass [m], (n_samples, 3), and its Jacobian, (n_samples, 3, nv). q (n_samples, nv)."""
 
@@ -164,6 +174,12 @@ class Robot:
 
     def friction_regressor(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
         """Columns [rotor | viscous | Coulomb] of every joint, passive ones included, (n_samples, independent, 3 * nv)."""
+
+    def joint_wrenches(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
+        """Wrench of each joint of the tree on its body, loops closed, (n_samples, nv, 6), about the root's origin. Arguments (n_samples, n_act)."""
+
+    def internal_efforts(self, q: ArrayLike) -> NDArray[numpy.float64]:
+        """Efforts of the drives that move nothing, as orthonormal columns, (n_samples, n_act, n_act - mobility)."""
 
     def joint_effort(self, joint: str, v: ArrayLike, *, q: float = 0.0, load: float = 0.0) -> NDArray[numpy.float64]:
         """Effort of one joint's own laws [N | N·m], friction of the URDF and effects of the file, (n_samples,); zero at rest."""
@@ -233,7 +249,7 @@ class Recording:
     """One recording: equally long named signals over one time axis. It never changes; NaN is a missing sample."""
 
     def __new__(
-        cls, time: ArrayLike, signals: dict[str, ArrayLike], *, name: str = "", meta: dict[str, Any] | None = None
+        cls, time: ArrayLike, signals: dict[str, ArrayLike], *, name: str = "recording", meta: dict[str, Any] | None = None
     ) -> Recording:
         """From time [s], (n_samples,), strictly increasing, and signals by name (`q.<joint>`, `tau.<joint>`, ...), SI."""
 
@@ -444,6 +460,10 @@ class Excitation:
     def save(self, path: str | os.PathLike[str], rate_hz: float = 100.0, *, periods: int = 1) -> None:
         """Writes these references as .csv or .mcap, for `pkm simulate --reference`."""
 
+    @classmethod
+    def _from_bytes(cls, robot: Robot, bytes: bytes) -> Excitation: ...
+    def __reduce__(self) -> tuple[Any, tuple[Robot, bytes]]: ...
+
 def excite(
     robot: Robot,
     *,
@@ -549,6 +569,48 @@ def simulate(
     `reference`: a recording whose `q_ref.*`, or else `q.*`, is followed from end to end, in place of a motion drawn by chance.
     """
 
+@final
+class Plant:
+    """A robot that moves under the efforts of its drives, with its state."""
+
+    def __new__(
+        cls, robot: Robot, q: ArrayLike | None = None, *, kind: Literal["auto", "reduced", "constrained"] = "auto", seed: int = 1
+    ) -> Plant:
+        """`robot` with its effects at rest at positions `q` of its drives, by default in the middle of their travel.
+
+        Effects of actuators and sensors (lags, delays, scales, encoders) are not a plant's: `simulate` has them.
+        """
+
+    @property
+    def kind(self) -> Literal["reduced", "constrained"]:
+        """In whose coordinates it moves: those of the drives, or of the whole tree."""
+
+    @property
+    def joints(self) -> list[str]:
+        """Names of the driven joints, in the order of every array."""
+
+    @property
+    def q(self) -> NDArray[numpy.float64]:
+        """Positions of the drives, (n_act,)."""
+
+    @property
+    def v(self) -> NDArray[numpy.float64]:
+        """Velocities of the drives, (n_act,)."""
+
+    @property
+    def time(self) -> float | None:
+        """Time since the start [s]."""
+
+    @property
+    def tree(self) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]] | None:
+        """Positions and velocities of all joints, (nv,) each; None of a reduced plant."""
+
+    def step(self, tau: ArrayLike, dt: float) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
+        """Moves on by dt [s] under efforts that are constant meanwhile: (q, v) of the drives at the end."""
+
+    def run(self, tau: ArrayLike, dt: float) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
+        """One step of dt [s] per row of efforts (n_samples, n_act): (q, v) at the end of each, of the same shape."""
+
 def diagnose(
     robot: Robot,
     recordings: Recording | Sequence[Recording],
@@ -611,6 +673,10 @@ class Mu:
     def lowers(self) -> NDArray[numpy.float64]:
         """Lower bounds at the points."""
 
+    @classmethod
+    def _from_bytes(cls, bytes: bytes) -> Mu: ...
+    def __reduce__(self) -> tuple[Any, tuple[bytes]]: ...
+
 def mu(
     system: ArrayLike | tuple[ArrayLike, ArrayLike, ArrayLike, ArrayLike],
     blocks: Sequence[UncertaintyBlock],
@@ -654,6 +720,10 @@ class Controller:
 
     def __new__(cls, robot: Robot, path: str | os.PathLike[str]) -> Controller:
         """The controller that the file at `path` (docs/FORMATS.md, section 10) states, for `robot`, at rest."""
+
+    @classmethod
+    def from_text(cls, robot: Robot, text: str, name: str = "controller.toml") -> Controller:
+        """The controller that a text states, for `robot`, at rest; errors call it `name`."""
 
     @property
     def law(self) -> str:
@@ -701,3 +771,6 @@ class Controller:
 
     def reset(self) -> None:
         """To rest, as before the first step."""
+
+    def __reduce__(self) -> tuple[Any, tuple[Robot, str, str]]:
+        """For pickle: at rest only, for the state of its law does not travel."""

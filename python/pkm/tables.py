@@ -45,7 +45,7 @@ def from_pandas(frame: pandas.DataFrame) -> Recording:
     times = frame.index if column is None else frame[column]
     signals = {str(name): frame[name].to_numpy(float) for name in frame.columns if name != column}
     made: Recording = pkm.Recording(
-        _seconds(times.to_numpy()), signals, name=str(frame.attrs.get("name", "")), meta=dict(frame.attrs.get("meta", {})) or None
+        _seconds(times.to_numpy()), signals, name=str(frame.attrs.get("name", "recording")), meta=dict(frame.attrs.get("meta", {})) or None
     )
     return made
 
@@ -71,7 +71,7 @@ def from_xarray(dataset: xarray.Dataset) -> Recording:
     if not signals:
         raise ValueError("no variable over time alone in the dataset")
     meta = json.loads(dataset.attrs.get("meta", "{}")) or None
-    made: Recording = pkm.Recording(_seconds(dataset["time"].to_numpy()), signals, name=str(dataset.attrs.get("name", "")), meta=meta)
+    made: Recording = pkm.Recording(_seconds(dataset["time"].to_numpy()), signals, name=str(dataset.attrs.get("name", "recording")), meta=meta)
     return made
 
 

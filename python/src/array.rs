@@ -1,13 +1,19 @@
 //! numpy arrays in and out. Inputs are copied once, so that the interpreter is free while Rust computes; outputs are moved.
 
+use core::ops::Range;
+
 use numpy::ndarray::{Array1, Array2, Array3};
 use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayLikeDyn, PyArrayMethods, PyUntypedArrayMethods};
+use pkm_ident::bulk::Rows;
 use pyo3::prelude::*;
 
 use crate::error;
 
 /// Whatever `numpy.asarray(x, dtype=float)` accepts.
 pub(crate) type ArrayLike<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
+
+/// Numbers that are checked at a time.
+const STRETCH: usize = 1024;
 
 /// Samples of a vector: `n_samples × n`, row by row.
 #[derive(Clone)]
@@ -27,8 +33,11 @@ impl Samples {
         if found != n {
             return Err(bad_shape(name, shape, n, columns));
         }
-        let values: Vec<f64> = array.as_array().iter().copied().collect();
-        if let Some(at) = values.iter().position(|x| !x.is_finite()) {
+        let view = array.as_array();
+        let values: Vec<f64> = view.as_slice().map_or_else(|| view.iter().copied().collect(), <[f64]>::to_vec);
+        // In stretches, so that a stretch is one sweep of wide instructions; the place only where there is one to tell.
+        let is_finite = values.chunks(STRETCH).all(|part| part.iter().fold(true, |all, x| all & x.is_finite()));
+        if let Some(at) = values.iter().position(|x| !is_finite && !x.is_finite()) {
             return Err(error::value(format!("{name}[{}, {}] = {} (must be finite)", at / n, at % n, values[at])));
         }
         Ok(Self { values, n, len })
@@ -49,6 +58,11 @@ impl Samples {
             return Err(error::value(format!("{} has {} samples, {} has {}", arrays[k].0, other.len, arrays[0].0, all[0].len)));
         }
         <[Self; N]>::try_from(all).map_err(|_| error::value("no arrays".to_string()))
+    }
+
+    /// Some samples, one after the other.
+    pub(crate) fn rows(&self, samples: Range<usize>) -> &[f64] {
+        &self.values[samples.start * self.n..samples.end * self.n]
     }
 
     /// Sample `i`.
@@ -96,6 +110,11 @@ impl Motion {
     /// Number of samples.
     pub(crate) fn len(&self) -> usize {
         self.q.len
+    }
+
+    /// Some samples.
+    pub(crate) fn rows(&self, samples: Range<usize>) -> Rows<'_> {
+        Rows { q: self.q.rows(samples.clone()), v: self.v.rows(samples.clone()), a: self.a.rows(samples) }
     }
 }
 

@@ -1,13 +1,17 @@
 //! Controllers from files, sample by sample or over whole arrays.
 
+use alloc::sync::Arc;
+use core::sync::atomic::{AtomicBool, Ordering};
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyUntypedArrayMethods};
-use pkm_ctrl::{Fault, FaultCode, Health, Limit, Running, Signals, config};
+use pkm_ctrl::config::{self, FileError};
+use pkm_ctrl::{Fault, FaultCode, Health, Limit, Running, Signals};
+use pkm_dyn::urdf::Description;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::{PyDict, PyList, PyType};
 
 use crate::array::{ArrayLike, Samples, vector};
 use crate::dynamics::Robot;
@@ -22,9 +26,22 @@ pub(crate) struct Controller {
     running: Mutex<Box<dyn Running>>,
     /// Names of the driven joints.
     joints: Vec<String>,
+    description: Arc<Description>,
+    /// Name and text of its file.
+    file: [String; 2],
+    /// Whether it is no longer as it was made.
+    has_stepped: AtomicBool,
 }
 
 impl Controller {
+    fn parsed(robot: &Robot, text: String, file: String) -> Result<Self, FileError> {
+        let description = Arc::clone(robot.description());
+        let running = config::parse(&text, &file, &description.robot)?;
+        let model = &description.robot.model;
+        let joints = model.actuators.iter().map(|&j| model.joints[j].name.clone()).collect();
+        Ok(Self { running: Mutex::new(running), joints, description, file: [file, text], has_stepped: AtomicBool::new(false) })
+    }
+
     fn running(&self) -> MutexGuard<'_, Box<dyn Running>> {
         // A step cannot panic, so nothing half done can be behind a poisoned lock.
         self.running.lock().unwrap_or_else(PoisonError::into_inner)
@@ -75,10 +92,25 @@ impl Controller {
     /// The controller that the file at `path` states, for `robot`, at rest.
     #[new]
     fn new(robot: &Bound<'_, Robot>, path: PathBuf) -> PyResult<Self> {
-        let robot = &robot.get().description().robot;
-        let running = config::load(&path, robot).map_err(|e| error::controller(&path, &e))?;
-        let joints = robot.model.actuators.iter().map(|&j| robot.model.joints[j].name.clone()).collect();
-        Ok(Self { running: Mutex::new(running), joints })
+        let read = config::read(&path).and_then(|(file, text)| Self::parsed(robot.get(), text, file));
+        read.map_err(|e| error::controller(&path, &e))
+    }
+
+    /// The controller that a text states, for `robot`, at rest; errors call it `name`.
+    #[classmethod]
+    #[pyo3(signature = (robot, text, name = "controller.toml"))]
+    fn from_text(_cls: &Bound<'_, PyType>, robot: &Bound<'_, Robot>, text: String, name: &str) -> PyResult<Self> {
+        Self::parsed(robot.get(), text, name.to_string()).map_err(|e| error::value(e.to_string()))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Robot, String, String))> {
+        let this = slf.get();
+        if this.has_stepped.load(Ordering::Relaxed) {
+            // What it has learned of the motion would be lost without a word.
+            return Err(error::value("a controller that has stepped does not travel: its state would stay behind (reset() first)"));
+        }
+        let [file, text] = &this.file;
+        Ok((slf.get_type().getattr("from_text")?, (Robot::shared(Arc::clone(&this.description)), text.clone(), file.clone())))
     }
 
     /// Name of its law.
@@ -140,6 +172,7 @@ impl Controller {
             wrench_ref,
             tau_ff: &tau_ff,
         };
+        self.has_stepped.store(true, Ordering::Relaxed);
         running.step(&signals, &mut tau);
         Ok(tau.into_pyarray(py))
     }
@@ -176,6 +209,7 @@ impl Controller {
         let (tau_ff, tau_meas) = (read("tau_ff", tau_ff)?, read("tau_meas", tau_meas)?);
         let tau = py.detach(|| {
             let mut running = self.running();
+            self.has_stepped.store(true, Ordering::Relaxed);
             let dt = dt.unwrap_or(1.0 / running.about().rate_hz);
             let (zero, mut tau) = (vec![0.0; n], vec![0.0; n * len]);
             for (i, tau) in tau.chunks_exact_mut(n).enumerate() {
@@ -223,6 +257,7 @@ impl Controller {
     /// To rest, as before the first step.
     fn reset(&self) {
         self.running().reset();
+        self.has_stepped.store(false, Ordering::Relaxed);
     }
 
     fn __repr__(&self) -> String {

@@ -5,9 +5,9 @@ use alloc::sync::Arc;
 use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
-use pkm_dyn::effects::{Applied, CATALOGUE, Energy, Entry, JointState, Robot as Physics};
+use pkm_dyn::effects::{Applied, JointState, Robot as Physics};
 use pkm_dyn::jacobian::Reference;
-use pkm_dyn::model::{FrameOnBody, JointKind, Model};
+use pkm_dyn::model::{FrameOnBody, Model};
 use pkm_dyn::spatial::Pose;
 use pkm_dyn::urdf::{self, Description, EffectSpec, Places, export};
 use pkm_dyn::{Data, loops};
@@ -160,6 +160,11 @@ impl Robot {
         Ok(PyArray1::from_vec(py, motion::assembled(self.model())?.q))
     }
 
+    /// Positions of the drives in the middle of their travel `[m | rad]`, shape `(n_act,)`; the assembly's where a drive has no limits.
+    fn mid_pose<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        PyArray1::from_vec(py, loops::mid_pose(self.model()))
+    }
+
     /// Inertial parameters of the bodies, shape `(10 * nv,)`: mass, mx, my, mz, ixx, ixy, iyy, ixz, iyz, izz of each `[kg, kg·m, kg·m²]`.
     ///
     /// About the origin of the body's frame, in Pinocchio's order; what `regressor` is multiplied with.
@@ -254,6 +259,29 @@ impl Robot {
         Ok((matrix(py, centre, [q.len(), 3])?, matrices(py, jacobian, [q.len(), 3, model.nv()])?))
     }
 
+    /// Kinetic and potential energy per inertial parameter `[J per unit]`, shape `(n_samples, 10 * nv)` each: times `parameters()` they are
+    /// `energies` without rotors. Arguments `(n_samples, nv)`.
+    fn energy_regressors<'py>(&self, py: Python<'py>, q: ArrayLike<'py>, v: ArrayLike<'py>) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
+        let ([q, v], n) = (self.tree([("q", &q), ("v", &v)])?, 10 * self.model().nv());
+        let [kinetic, potential] = over!(self, py, q.len(), [q, v], |model| mechanics::energy_regressors(model, [&q, &v]))?;
+        Ok((matrix(py, kinetic, [q.len(), n])?, matrix(py, potential, [q.len(), n])?))
+    }
+
+    /// Velocity and acceleration of the origin of a link's frame in the root's axes, shape `(n_samples, 6)` each, linear part first
+    /// `[m/s, rad/s]`, `[m/s², rad/s²]`: the derivatives of its position, gravity not in them. Arguments `(n_samples, nv)`.
+    fn frame_motion<'py>(
+        &self,
+        py: Python<'py>,
+        link: &str,
+        q: ArrayLike<'py>,
+        v: ArrayLike<'py>,
+        a: ArrayLike<'py>,
+    ) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
+        let ([q, v, a], frame) = (self.tree([("q", &q), ("v", &v), ("a", &a)])?, self.frame(link)?);
+        let [v, a] = over!(self, py, q.len(), [frame, q, v, a], |model| mechanics::frame_motions(model, &frame, [&q, &v, &a]))?;
+        Ok((matrix(py, v, [q.len(), 6])?, matrix(py, a, [q.len(), 6])?))
+    }
+
     /// Pose of a link's frame in the root frame, shape `(n_samples, 4, 4)`. q `(n_samples, nv)`.
     fn frame_pose<'py>(&self, py: Python<'py>, link: &str, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let ([q], frame) = (self.tree([("q", &q)])?, self.frame(link)?);
@@ -335,6 +363,28 @@ impl Robot {
         let (driven, model) = (self.driven([&q, &v, &a])?, self.model());
         let all = over!(self, py, driven.len(), [driven], |model| motion::loop_efforts(model, &driven))??;
         matrix(py, all, [driven.len(), model.n_constraints()])
+    }
+
+    /// Wrench that each joint of the tree transmits to its body for a motion of the drives, loops closed, shape `(n_samples, nv, 6)`: force
+    /// `[N]` and moment about the root's origin `[N·m]`, in the root's axes. Arguments `(n_samples, n_act)`.
+    fn joint_wrenches<'py>(
+        &self,
+        py: Python<'py>,
+        q: ArrayLike<'py>,
+        v: ArrayLike<'py>,
+        a: ArrayLike<'py>,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (driven, model) = (self.driven([&q, &v, &a])?, self.model());
+        let all = over!(self, py, driven.len(), [driven], |model| motion::joint_wrenches(model, &driven))??;
+        matrices(py, all, [driven.len(), model.nv(), 6])
+    }
+
+    /// Efforts of the drives that strain the robot and move nothing, as orthonormal columns, shape `(n_samples, n_act, n_act - mobility)`:
+    /// no columns unless there are more drives than freedoms. q of the drives `(n_samples, n_act)`.
+    fn internal_efforts<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (poses, model) = (Motion::try_still(&q, self.model().n_act(), "drive (robot.actuators)")?, self.model());
+        let all = over!(self, py, poses.len(), [poses], |model| motion::internal_efforts(model, &poses))??;
+        matrices(py, all, [poses.len(), model.n_act(), Data::new(model).internal_efforts.ncols()])
     }
 
     /// Effort of one joint's own laws, friction of the URDF and effects of the robot file, `[N | N·m]`, shape of `v`.
@@ -545,57 +595,4 @@ impl Robot {
 pub(crate) fn load(py: Python<'_>, path: PathBuf) -> PyResult<Robot> {
     let description = py.detach(|| urdf::load(&path)).map_err(|e| error::load(&e))?;
     Ok(Robot::new(description))
-}
-
-/// The effects of the library, in the order in which equal explanations are preferred, as dicts.
-#[pyfunction]
-pub(crate) fn effects(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
-    let out = PyList::empty(py);
-    for entry in CATALOGUE {
-        out.append(as_dict(py, entry)?)?;
-    }
-    Ok(out)
-}
-
-fn as_dict<'py>(py: Python<'py>, entry: &Entry) -> PyResult<Bound<'py, PyDict>> {
-    let parameters = PyList::empty(py);
-    for p in entry.parameters {
-        let one = PyDict::new(py);
-        let units = PyDict::new(py);
-        units.set_item("prismatic", p.unit.text(JointKind::Prismatic))?;
-        units.set_item("revolute", p.unit.text(JointKind::Revolute))?;
-        one.set_item("name", p.name)?;
-        one.set_item("unit", units)?;
-        one.set_item("lower", p.lower)?;
-        one.set_item("upper", p.unit.upper())?;
-        one.set_item("default", p.default)?;
-        parameters.append(one)?;
-    }
-    let look_alikes = PyList::empty(py);
-    for l in entry.look_alikes {
-        look_alikes.append(BTreeMap::from([("effect", l.effect), ("experiment", l.experiment)]))?;
-    }
-    let out = PyDict::new(py);
-    let place = entry.place.words();
-    let energy = match entry.energy {
-        Energy::Stores => "stores",
-        Energy::Dissipates => "dissipates",
-        Energy::Passive => "passive",
-        Energy::Feeds => "feeds",
-        Energy::Neither => "neither",
-    };
-    let texts = [
-        ("name", entry.name),
-        ("sentence", entry.sentence),
-        ("equation", entry.equation),
-        ("place", place),
-        ("compensation", entry.compensation),
-        ("energy", energy),
-    ];
-    for (key, text) in texts {
-        out.set_item(key, text)?;
-    }
-    out.set_item("parameters", parameters)?;
-    out.set_item("look_alikes", look_alikes)?;
-    Ok(out)
 }

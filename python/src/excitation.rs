@@ -5,19 +5,21 @@ use alloc::sync::Arc;
 use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArray2};
+use pkm_dyn::Data;
 use pkm_dyn::effects::Applied;
 use pkm_dyn::urdf::Description;
-use pkm_ident::excitation::{self, Basis, Criterion, Limits, Quality, Settings};
+use pkm_ident::excitation::{self, Basis, Criterion, Limits, Margin, Periodic, Quality, Settings};
 use pkm_record::Attachments;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::{PyBytes, PyDict, PyList, PyType};
+use serde::{Deserialize, Serialize};
 
 use crate::array::{ArrayLike, matrix, read_only, vector};
 use crate::dynamics::Robot;
-use crate::error;
 use crate::identification::term;
 use crate::long::{self, Progress};
 use crate::recording::Recording;
+use crate::{error, state};
 
 type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 
@@ -25,7 +27,50 @@ type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 #[pyclass(frozen, module = "pkm")]
 pub(crate) struct Excitation {
     description: Arc<Description>,
-    found: excitation::Excitation,
+    found: Found,
+}
+
+/// What a search found, as it travels.
+#[derive(Serialize, Deserialize)]
+struct Found {
+    criterion: Criterion,
+    /// As text: it may have 64 bits, which TOML's numbers do not.
+    seed: String,
+    gain: Option<f64>,
+    columns: Vec<String>,
+    structural: usize,
+    well_conditioned: usize,
+    motion: Periodic,
+    quality: Quality,
+    random: Option<Quality>,
+    margins: Vec<Margin>,
+}
+
+impl Found {
+    fn of(found: excitation::Excitation) -> Self {
+        Self {
+            criterion: found.settings.criterion,
+            seed: found.settings.seed.to_string(),
+            gain: found.gain(),
+            columns: found.columns,
+            structural: found.structural,
+            well_conditioned: found.well_conditioned,
+            motion: found.motion,
+            quality: found.quality,
+            random: found.random.best,
+            margins: found.margins,
+        }
+    }
+
+    /// Whether the motion can be one of `robot`.
+    fn is_of(&self, robot: &Description) -> bool {
+        let Periodic { basis, period_s, coefficients } = &self.motion;
+        period_s.is_finite()
+            && *period_s > 0.0
+            && coefficients.len() == Data::new(&robot.robot.model).n_ind().min(robot.robot.model.n_act())
+            && coefficients.iter().all(|row| row.len() == basis.len() && row.iter().all(|c| c.is_finite()))
+            && self.seed.parse::<u64>().is_ok()
+    }
 }
 
 impl Excitation {
@@ -33,8 +78,7 @@ impl Excitation {
     fn states<'py>(&self, py: Python<'py>, time: &[f64]) -> PyResult<[Matrix<'py>; 3]> {
         let n = self.description.robot.model.n_act();
         let mut all = [const { Vec::new() }; 3];
-        for &t in time {
-            let state = self.found.motion.at(t);
+        for state in self.found.motion.states(&self.description.robot.model, time) {
             for (out, row) in all.iter_mut().zip([state.q, state.v, state.a]) {
                 out.extend(row);
             }
@@ -47,7 +91,8 @@ impl Excitation {
     fn signals(&self, rate_hz: f64, periods: usize) -> PyResult<pkm_ident::Recording> {
         let motion = &self.found.motion;
         let samples = excitation::samples(motion.basis, motion.period_s, periods, rate_hz).map_err(|e| error::value(e.to_string()))?;
-        Ok(self.found.recording(&self.description.robot.model, samples, rate_hz))
+        let origin = (self.found.criterion, self.found.seed.parse().unwrap_or_default());
+        Ok(excitation::references(motion, &self.description.robot.model, origin, samples, rate_hz))
     }
 }
 
@@ -69,7 +114,7 @@ impl Excitation {
     /// What was made good, as it was asked for.
     #[getter]
     fn criterion(&self) -> &str {
-        self.found.settings.criterion.name()
+        self.found.criterion.name()
     }
 
     /// Coefficients of the functions, shape `(n_act, n_functions)`.
@@ -89,13 +134,13 @@ impl Excitation {
     /// The same of the best random motion with the same limits; None where that leaves them between its samples.
     #[getter]
     fn random<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        self.found.random.best.as_ref().map(|q| quality(py, q)).transpose()
+        self.found.random.as_ref().map(|q| quality(py, q)).transpose()
     }
 
     /// By how much the best random motion is worse, 1 or more; None where it is not known.
     #[getter]
     fn gain(&self) -> Option<f64> {
-        self.found.gain()
+        self.found.gain
     }
 
     /// Names of the parameters whose columns count.
@@ -173,15 +218,32 @@ impl Excitation {
         py.detach(|| pkm_record::write(&path, &signals, &Attachments::default())).map_err(|e| error::write(&e))
     }
 
+    #[classmethod]
+    #[pyo3(name = "_from_bytes")]
+    fn from_bytes(_cls: &Bound<'_, PyType>, robot: &Bound<'_, Robot>, bytes: &[u8]) -> PyResult<Self> {
+        let description = Arc::clone(robot.get().description());
+        let found: Found = state::from_bytes("Excitation", bytes)?;
+        if !found.is_of(&description) {
+            return Err(error::value(format!("pickle of Excitation: no motion of {:?} (damaged)", description.robot.model.name)));
+        }
+        Ok(Self { description, found })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Robot, Bound<'py, PyBytes>))> {
+        let Self { description, found } = slf.get();
+        let bytes = PyBytes::new(slf.py(), &state::to_bytes(found)?);
+        Ok((slf.get_type().getattr("_from_bytes")?, (Robot::shared(Arc::clone(description)), bytes)))
+    }
+
     fn __repr__(&self) -> String {
         let f = &self.found;
-        let gain = f.gain().map_or("an unknown number of".to_string(), |g| format!("{g:.2}"));
+        let gain = f.gain.map_or("an unknown number of".to_string(), |g| format!("{g:.2}"));
         format!(
             "<Excitation {}: {} s, {} {}, condition {:.1}, {gain} times better than random>",
-            f.robot,
+            self.description.robot.model.name,
             f.motion.period_s,
             f.motion.basis.name(),
-            f.settings.criterion.name(),
+            f.criterion.name(),
             f.quality.condition
         )
     }
@@ -275,5 +337,5 @@ pub(crate) fn excite(
     let searched = Arc::clone(&description);
     let found = long::run(py, &progress, move |told| excitation::excite(&searched.robot, &settings, &told))?;
     let found = found.map_err(|e| error::value(e.to_string()))?;
-    Ok(Excitation { description, found })
+    Ok(Excitation { description, found: Found::of(found) })
 }

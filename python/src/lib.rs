@@ -6,6 +6,7 @@
 extern crate alloc;
 
 mod array;
+mod catalogue;
 mod controller;
 mod diagnosis;
 mod dynamics;
@@ -18,6 +19,7 @@ mod long;
 mod mechanics;
 mod motion;
 mod mu;
+mod plant;
 mod recording;
 mod reproduction;
 mod robots;
@@ -32,17 +34,21 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _pkm {
     #[pymodule_export]
+    use super::catalogue::effects;
+    #[pymodule_export]
     use super::controller::Controller;
     #[pymodule_export]
     use super::diagnosis::{Report, diagnose};
     #[pymodule_export]
-    use super::dynamics::{Robot, effects, load};
+    use super::dynamics::{Robot, load};
     #[pymodule_export]
     use super::excitation::{Excitation, excite};
     #[pymodule_export]
     use super::identification::Identification;
     #[pymodule_export]
     use super::mu::{Mu, mu};
+    #[pymodule_export]
+    use super::plant::Plant;
     #[pymodule_export]
     use super::recording::{Recording, read, write};
     #[pymodule_export]

@@ -1,10 +1,11 @@
 //! The algorithms of the spanning tree and of closed-loop dynamics, sample by sample; arrays row by row, as numpy wants them.
 
-use nalgebra::{DMatrix, Matrix3xX, Matrix6xX};
+use nalgebra::{DMatrix, Matrix3xX, Matrix6xX, Vector3};
 use pkm_dyn::jacobian::Reference;
 use pkm_dyn::loops::Choice;
 use pkm_dyn::model::FrameOnBody;
-use pkm_dyn::{Data, Model, aba, configuration, constrained, crba, energy, inverse_dynamics, jacobian, kinematics, loops, rnea};
+use pkm_dyn::parameters::N_INERTIAL;
+use pkm_dyn::{Data, Model, aba, configuration, constrained, crba, energy, inverse_dynamics, jacobian, kinematics, loops, regressor, rnea};
 
 use crate::array::Samples;
 use crate::motion::{Open, checked};
@@ -71,6 +72,37 @@ pub(crate) fn constrained(model: &Model, [q, v, tau]: [&Samples; 3]) -> Result<[
 pub(crate) fn energies(model: &Model, qv: [&Samples; 2]) -> [Vec<f64>; 2] {
     let kinetic = along(model, qv, |data, [q, v], out| out.push(energy::kinetic_energy(model, data, q, v)));
     [kinetic, at_each(model, qv[0], |data, q, out| out.push(energy::potential_energy(model, data, q)))]
+}
+
+/// Kinetic and potential energies per inertial parameter, `n_samples × 10·nv` each.
+pub(crate) fn energy_regressors(model: &Model, qv: [&Samples; 2]) -> [Vec<f64>; 2] {
+    let mut row = vec![0.0; N_INERTIAL * model.nv()];
+    let mut other = row.clone();
+    let kinetic = along(model, qv, |data, [q, v], out| {
+        regressor::kinetic_energy_regressor(model, data, q, v, &mut row);
+        out.extend_from_slice(&row);
+    });
+    let potential = at_each(model, qv[0], |data, q, out| {
+        regressor::potential_energy_regressor(model, data, q, &mut other);
+        out.extend_from_slice(&other);
+    });
+    [kinetic, potential]
+}
+
+/// Velocities and accelerations of a frame in the root's axes, `n_samples × 6` each.
+pub(crate) fn frame_motions(model: &Model, frame: &FrameOnBody, [q, v, a]: [&Samples; 3]) -> [Vec<f64>; 2] {
+    let mut data = Data::new(model);
+    let mut out = [Vec::new(), Vec::new()];
+    for i in 0..q.len() {
+        kinematics::forward_kinematics(model, &mut data, q.row(i));
+        kinematics::world_velocities(model, &mut data, v.row(i));
+        kinematics::world_accelerations(model, &mut data, a.row(i), &Vector3::zeros());
+        let motions = [kinematics::frame_velocity(&data, frame), kinematics::frame_acceleration(&data, frame)];
+        for (out, motion) in out.iter_mut().zip(motions) {
+            out.extend(motion.linear.iter().chain(motion.angular.iter()));
+        }
+    }
+    out
 }
 
 /// Centres of mass, `n_samples × 3`, and their Jacobians, `n_samples × 3 × nv`.

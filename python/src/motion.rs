@@ -1,13 +1,13 @@
 //! The algorithms of `pkm-dyn` sample by sample.
 
-use core::ops::Range;
 use std::thread;
 
 use nalgebra::DMatrix;
 use pkm_dyn::constrained::reduced_mass_matrix;
 use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, friction_regressor, rigid_effort};
 use pkm_dyn::loops::{Closure, assemble, walk_to};
-use pkm_dyn::{Data, Model, regressor, rnea};
+use pkm_dyn::{Data, Model, loops, regressor, rnea};
+use pkm_ident::bulk::{Bulk, LANES};
 use pkm_ident::gram::{Gram, Products};
 use pyo3::PyErr;
 
@@ -57,14 +57,9 @@ pub(crate) fn assembled(model: &Model) -> Result<Data, Open> {
 }
 
 /// Calls `each` after the tree motion of every sample is in the data.
-fn along(model: &Model, motion: &Motion, each: impl FnMut(&mut Data)) -> Result<(), Open> {
-    along_part(model, motion, 0..motion.len(), each)
-}
-
-/// The same for some of the samples.
-fn along_part(model: &Model, motion: &Motion, samples: Range<usize>, mut each: impl FnMut(&mut Data)) -> Result<(), Open> {
+fn along(model: &Model, motion: &Motion, mut each: impl FnMut(&mut Data)) -> Result<(), Open> {
     let mut data = assembled(model)?;
-    for i in samples {
+    for i in 0..motion.len() {
         let q = motion.q.row(i);
         let is_far = model.actuators.iter().zip(q).any(|(&j, q)| (q - data.q[j]).abs() > FAR);
         if is_far {
@@ -93,31 +88,40 @@ pub(crate) fn inverse_dynamics(model: &Model, motion: &Motion) -> Result<Vec<f64
     Ok(out)
 }
 
+/// Threads over parts of the samples of a robot whose samples do not need each other, so that each has work to do.
+fn threads(samples: usize) -> usize {
+    thread::available_parallelism().map_or(1, usize::from).min(samples / LEAST_SAMPLES).max(1)
+}
+
 /// Regressors of the independent coordinates, `n_samples × independent × 10·bodies`, into `out`.
 ///
 /// Without loops no sample depends on the one before it, and every processor takes a part of them.
 pub(crate) fn actuated_regressors(model: &Model, motion: &Motion, out: &mut [f64]) -> Result<(), Open> {
     let size = out.len() / motion.len().max(1);
-    let part = |from: usize, out: &mut [f64]| {
+    let Some(bulk) = Bulk::of(model) else {
         let mut rows = out.chunks_exact_mut(size.max(1));
-        along_part(model, motion, from..from + rows.len(), |data| {
+        return along(model, motion, |data| {
             let all = actuated_regressor(model, data);
             if let Some(out) = rows.next() {
                 copy_rows(out, all);
             }
-        })
+        });
     };
-    let is_tree = model.passive().is_empty();
-    let parts = if is_tree { thread::available_parallelism().map_or(1, usize::from).min(motion.len() / LEAST_SAMPLES) } else { 1 };
-    if parts < 2 {
-        return part(0, out);
-    }
-    let samples = motion.len().div_ceil(parts);
+    let samples = motion.len().div_ceil(threads(motion.len())).next_multiple_of(LANES);
     thread::scope(|scope| {
-        let started: Vec<_> =
-            out.chunks_mut(samples * size).enumerate().map(|(k, out)| scope.spawn(move || part(k * samples, out))).collect();
-        started.into_iter().try_for_each(|thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-    })
+        let mut parts = out.chunks_mut(samples.max(1) * size.max(1)).enumerate();
+        let own = parts.next();
+        let mut write = |(k, out): (usize, &mut [f64])| {
+            let from = k * samples;
+            bulk.clone().write_all(motion.rows(from..from + out.len() / size), out);
+        };
+        for part in parts {
+            let write = write.clone();
+            scope.spawn(move || write(part));
+        }
+        own.map(&mut write);
+    });
+    Ok(())
 }
 
 /// Parts that the samples of a robot without loops are summed in: as many whatever the processors, so that the sums are the same bits.
@@ -125,34 +129,35 @@ const PARTS: usize = 8;
 
 /// Products of the regressors of [`actuated_regressors`] and efforts of the independent coordinates, nothing else kept.
 pub(crate) fn products(model: &Model, motion: &Motion, tau: &Samples) -> Result<Products, Open> {
-    let part = |samples: Range<usize>| {
-        let mut sum = Gram::new(model);
-        let mut at = samples.start;
-        along_part(model, motion, samples, |data| {
+    let Some(bulk) = Bulk::of(model) else {
+        let (mut sum, mut at) = (Gram::new(model), 0);
+        along(model, motion, |data| {
             sum.push(actuated_regressor(model, data), tau.row(at));
             at += 1;
         })?;
-        Ok(sum)
+        return Ok(sum.products());
     };
-    let is_tree = model.passive().is_empty() && !model.is_constrained();
-    let parts = if is_tree { PARTS.min(motion.len() / LEAST_SAMPLES).max(1) } else { 1 };
-    let threads = thread::available_parallelism().map_or(1, usize::from).min(parts);
-    let range = |k: usize| k * motion.len() / parts..(k + 1) * motion.len() / parts;
-    let mut sums: Vec<Result<Gram, Open>> = if threads < 2 {
-        (0..parts).map(|k| part(range(k))).collect()
-    } else {
-        let own = |t: usize| (t..parts).step_by(threads).map(|k| part(range(k))).collect::<Vec<_>>();
-        let by_thread: Vec<Vec<_>> = thread::scope(|scope| {
-            let started: Vec<_> = (0..threads).map(|t| scope.spawn(move || own(t))).collect();
-            started.into_iter().map(|s| s.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
+    let parts = PARTS.min(motion.len() / LEAST_SAMPLES).max(1);
+    let threads = threads(motion.len()).min(parts);
+    let part = |k: usize| {
+        let samples = k * motion.len() / parts..(k + 1) * motion.len() / parts;
+        let (mut sum, from, size) = (Gram::new(model), samples.start, bulk.size());
+        bulk.clone().blocks(motion.rows(samples), |at, block| {
+            block.chunks_exact(size).enumerate().for_each(|(l, one)| sum.push_rows(one, tau.row(from + at + l)));
         });
-        let mut by_thread: Vec<_> = by_thread.into_iter().map(Vec::into_iter).collect();
-        (0..parts).filter_map(|k| by_thread[k % threads].next()).collect()
+        sum
     };
-    let mut all = sums.remove(0)?;
-    for sum in sums {
-        all.absorb(sum?);
-    }
+    let own = |t: usize| (t..parts).step_by(threads).map(part).collect::<Vec<_>>();
+    let by_thread: Vec<Vec<_>> = thread::scope(|scope| {
+        let others: Vec<_> = (1..threads).map(|t| scope.spawn(move || own(t))).collect();
+        let others: Vec<_> = core::iter::once(own(0))
+            .chain(others.into_iter().map(|s| s.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))))
+            .collect();
+        others
+    });
+    let mut by_thread: Vec<_> = by_thread.into_iter().map(Vec::into_iter).collect();
+    let mut all = Gram::new(model);
+    (0..parts).filter_map(|k| by_thread[k % threads].next()).for_each(|sum| all.absorb(sum));
     Ok(all.products())
 }
 
@@ -184,6 +189,25 @@ pub(crate) fn reduced_mass_matrices(model: &Model, motion: &Motion) -> Result<Ve
 pub(crate) fn loop_efforts(model: &Model, motion: &Motion) -> Result<Vec<f64>, Open> {
     let mut out = Vec::new();
     along(model, motion, |data| push_loop_efforts(model, data, &mut out))?;
+    Ok(out)
+}
+
+/// Wrenches of the joints of the tree, loops closed, `n_samples × nv × 6`.
+pub(crate) fn joint_wrenches(model: &Model, motion: &Motion) -> Result<Vec<f64>, Open> {
+    let (mut out, mut efforts) = (Vec::new(), Vec::new());
+    along(model, motion, |data| {
+        efforts.clear();
+        push_loop_efforts(model, data, &mut efforts);
+        let wrenches = loops::joint_wrenches(model, data);
+        wrenches.iter().for_each(|w| out.extend(w.linear.iter().chain(w.angular.iter())));
+    })?;
+    Ok(out)
+}
+
+/// Efforts of the drives that move nothing, `n_samples × drives × surplus`.
+pub(crate) fn internal_efforts(model: &Model, motion: &Motion) -> Result<Vec<f64>, Open> {
+    let mut out = Vec::new();
+    along(model, motion, |data| push_rows(&mut out, loops::internal_efforts(model, data)))?;
     Ok(out)
 }
 

@@ -6,10 +6,11 @@ use pkm_ctrl::design::mu::{
     Block, CMatrix, Guarantee, LowerBound, Point, Settings, StateSpace, Structure, Value, lower_bound, sweep, upper_bound,
 };
 use pyo3::prelude::*;
-use pyo3::types::{PyComplex, PyDict, PyTuple};
+use pyo3::types::{PyBytes, PyComplex, PyDict, PyTuple, PyType};
+use serde::{Deserialize, Serialize};
 
 use crate::array::ArrayLike;
-use crate::{error, long};
+use crate::{error, long, state};
 
 type ComplexLike<'py> = PyArrayLikeDyn<'py, numpy::Complex64, AllowTypeChange>;
 
@@ -32,8 +33,74 @@ pub(crate) struct Mu {
     worst: Option<Vec<Value>>,
 }
 
+/// The same as it travels.
+#[derive(Serialize, Deserialize)]
+struct Travelling {
+    upper: f64,
+    lower: f64,
+    w: Option<f64>,
+    guaranteed: Option<(f64, f64)>,
+    /// Frequency, upper and lower bound.
+    points: Vec<[f64; 3]>,
+    worst: Option<Vec<Worst>>,
+}
+
+/// A [`Value`]; complex numbers are pairs, matrices go column by column.
+#[derive(Serialize, Deserialize)]
+enum Worst {
+    Real(f64),
+    Complex([f64; 2]),
+    Full { rows: usize, values: Vec<[f64; 2]> },
+}
+
+impl Worst {
+    fn of(value: &Value) -> Self {
+        match value {
+            Value::Real(x) => Self::Real(*x),
+            Value::Complex(x) => Self::Complex([x.re, x.im]),
+            Value::Full(x) => Self::Full { rows: x.nrows(), values: x.iter().map(|x| [x.re, x.im]).collect() },
+        }
+    }
+
+    /// None where the numbers are not those of a matrix.
+    fn value(self) -> Option<Value> {
+        let number = |[re, im]: [f64; 2]| Complex::new(re, im);
+        Some(match self {
+            Self::Real(x) => Value::Real(x),
+            Self::Complex(x) => Value::Complex(number(x)),
+            Self::Full { rows, values } => {
+                let cols = values.len().checked_div(rows).filter(|cols| cols * rows == values.len())?;
+                Value::Full(CMatrix::from_iterator(rows, cols, values.into_iter().map(number)))
+            }
+        })
+    }
+}
+
 #[pymethods]
 impl Mu {
+    #[classmethod]
+    #[pyo3(name = "_from_bytes")]
+    fn from_bytes(_cls: &Bound<'_, PyType>, bytes: &[u8]) -> PyResult<Self> {
+        let Travelling { upper, lower, w, guaranteed, points, worst } = state::from_bytes("Mu", bytes)?;
+        let worst = worst.map(|all| all.into_iter().map(Worst::value).collect::<Option<Vec<_>>>().ok_or_else(damaged)).transpose()?;
+        let points = points.into_iter().map(|[w, upper, lower]| Point { w, upper, lower }).collect();
+        Ok(Self { upper, lower, w, guaranteed, points, worst })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        let Self { upper, lower, w, guaranteed, points, worst } = slf.get();
+        let travelling = Travelling {
+            upper: *upper,
+            lower: *lower,
+            w: *w,
+            guaranteed: *guaranteed,
+            points: points.iter().map(|p| [p.w, p.upper, p.lower]).collect(),
+            worst: worst.as_ref().map(|all| all.iter().map(Worst::of).collect()),
+        };
+        let bytes = state::to_bytes(&travelling)?;
+        Ok((slf.get_type().getattr("_from_bytes")?, (PyBytes::new(slf.py(), &bytes),)))
+    }
+
     /// The worst perturbation found: one float, complex or array per block; None where there is none.
     #[getter]
     fn worst<'py>(&self, py: Python<'py>) -> PyResult<Option<Vec<Bound<'py, PyAny>>>> {
@@ -77,6 +144,10 @@ impl Mu {
     fn column<'py>(&self, py: Python<'py>, of: fn(&Point) -> f64) -> Bound<'py, PyArray1<f64>> {
         self.points.iter().map(of).collect::<Vec<f64>>().into_pyarray(py)
     }
+}
+
+fn damaged() -> PyErr {
+    error::value("pickle of Mu: a block of the perturbation is no matrix (damaged)")
 }
 
 fn array<'py>(py: Python<'py>, x: &CMatrix) -> Bound<'py, PyArray2<numpy::Complex64>> {

@@ -40,7 +40,7 @@ impl Recording {
     /// `meta` may hold `tau` ("measured" or "commanded"), `load` (dict of link, mass `[kg]`, xyz `[m]`), `gravity` (3 numbers `[m/s²]`),
     /// `session`, `controller` and further texts.
     #[new]
-    #[pyo3(signature = (time, signals, *, name = "", meta = None))]
+    #[pyo3(signature = (time, signals, *, name = "recording", meta = None))]
     fn from_arrays(
         time: ArrayLike<'_>,
         signals: BTreeMap<String, ArrayLike<'_>>,

@@ -36,11 +36,12 @@ def compare(robot, urdf):
     assert list(model.names)[1:] == robot.joints
     data = model.createData()
     q, v, a = motion_about(np.zeros(model.nv), amplitude=0.5)
-    tau, regressor = robot.inverse_dynamics(q, v, a), robot.joint_torque_regressor(q, v, a)
+    tau, regressor, of_drives = robot.inverse_dynamics(q, v, a), robot.joint_torque_regressor(q, v, a), robot.regressor(q, v, a)
     for i in range(len(q)):
         np.testing.assert_allclose(tau[i] - robot.armature * a[i], pin.rnea(model, data, q[i], v[i], a[i]), rtol=1e-10, atol=1e-10)
         expected = pin.computeJointTorqueRegressor(model, data, q[i], v[i], a[i])
         np.testing.assert_allclose(regressor[i], expected, rtol=1e-10, atol=1e-10)
+        np.testing.assert_allclose(of_drives[i], expected, rtol=1e-10, atol=1e-10)
     ours = robot.parameters().reshape(-1, 10)
     theirs = [inertia.toDynamicParameters() for inertia in list(model.inertias)[1:]]
     np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-12)
@@ -48,8 +49,9 @@ def compare(robot, urdf):
 
 def compare_dynamics(robot, urdf, link):
     model = pin.buildModelFromUrdf(str(urdf))
+    bare = model.copy()
     model.armature = robot.armature
-    data = model.createData()
+    data, bare_data = model.createData(), bare.createData()
     rng = np.random.default_rng(3)
     q, v, tau = (rng.uniform(-1, 1, (20, model.nv)) for _ in range(3))
     same = lambda ours, theirs: np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-10)
@@ -59,6 +61,9 @@ def compare_dynamics(robot, urdf, link):
     references = {"world": pin.WORLD, "local": pin.LOCAL, "local_world_aligned": pin.LOCAL_WORLD_ALIGNED}
     jacobians = {name: (robot.frame_jacobian(link, q, reference=name), robot.frame_jacobian(link, q, v, reference=name)) for name in references}
     frame = model.getFrameId(link)
+    kinetic_columns, potential_columns = robot.energy_regressors(q, v)
+    velocity, acceleration = robot.frame_motion(link, q, v, tau)
+    wrenches = robot.joint_wrenches(q, v, tau)
     for i in range(len(q)):
         upper = np.triu(pin.crba(model, data, q[i]))
         same(mass[i], upper + np.triu(upper, 1).T)
@@ -67,6 +72,16 @@ def compare_dynamics(robot, urdf, link):
         same(a[i], pin.aba(model, data, q[i], v[i], tau[i]))
         same(kinetic[i], pin.computeKineticEnergy(model, data, q[i], v[i]))
         same(potential[i], pin.computePotentialEnergy(model, data, q[i]))
+        same(kinetic_columns[i], np.ravel(pin.computeKineticEnergyRegressor(model, data, q[i], v[i])))
+        same(potential_columns[i], np.ravel(pin.computePotentialEnergyRegressor(model, data, q[i])))
+        pin.forwardKinematics(model, data, q[i], v[i], tau[i])
+        pin.updateFramePlacements(model, data)
+        same(velocity[i], pin.getFrameVelocity(model, data, frame, pin.LOCAL_WORLD_ALIGNED).vector)
+        same(acceleration[i], pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED).vector)
+        # An open chain: what its joints carry is what inverse dynamics passes on, without rotors.
+        pin.forwardKinematics(bare, bare_data, q[i])
+        pin.rnea(bare, bare_data, q[i], v[i], tau[i])
+        same(wrenches[i], [bare_data.oMi[j].act(bare_data.f[j]).vector for j in range(1, model.njoints)])
         same(centre_jacobian[i], pin.jacobianCenterOfMass(model, data, q[i]))
         same(centre[i], pin.centerOfMass(model, data, q[i]))
         pin.computeJointJacobiansTimeVariation(model, data, q[i], v[i])

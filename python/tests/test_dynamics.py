@@ -192,3 +192,55 @@ def test_products_of_the_regressor_are_those_of_numpy_and_memory_is_written_wher
         robot.regressor(q, v, a, out=np.lib.stride_tricks.as_strided(out, writeable=False))
     with pytest.raises(ValueError, match="tau has"):
         robot.regressor_products(q, v, a, tau[:-1])
+
+
+def test_wrenches_of_driven_joints_are_their_efforts(robot, drives_motion):
+    """The part of a joint's wrench along its axis is what the drive supplies, rotors apart; passive joints carry nothing along theirs."""
+    q, v, a = drives_motion
+    q_tree, _, _ = robot.tree_motion(q, v, a)
+    wrenches = robot.joint_wrenches(q, v, a)
+    expected = np.zeros((len(q), robot.nv))
+    expected[:, driven(robot)] = robot.inverse_dynamics(q, v, a) - robot.armature[driven(robot)] * a
+    # A joint's axis as a motion about the root's origin is its column of the world Jacobian of the body it moves.
+    bodies = {}
+    for link in robot.links:
+        columns = np.abs(robot.frame_jacobian(link, q_tree[:1], reference="world")[0]).max(axis=0)
+        moved = np.flatnonzero(columns > 0)
+        if len(moved):
+            bodies.setdefault(int(moved[-1]), link)
+    for joint, link in bodies.items():
+        axis = robot.frame_jacobian(link, q_tree, reference="world")[:, :, joint]
+        power = np.einsum("nk,nk->n", wrenches[:, joint], axis)
+        if robot.armature[joint] == 0.0 or joint in driven(robot):
+            np.testing.assert_allclose(power, expected[:, joint], atol=1e-7 * (1.0 + np.abs(wrenches).max()), err_msg=robot.joints[joint])
+
+
+def test_efforts_that_move_nothing_are_orthonormal_and_do_no_work():
+    robot = pkm.robots.load("ups4")
+    motion = pkm.excite(robot, period_s=8.0, restarts=1, draws=4, iterations=1)
+    _, q, v, _ = motion.grid(50.0)
+    strain = robot.internal_efforts(q)
+    assert strain.shape == (len(q), robot.n_act, robot.n_act - robot.mobility)
+    np.testing.assert_allclose(np.einsum("nij,nik->njk", strain, strain), np.eye(1)[None].repeat(len(q), 0), atol=1e-12)
+    np.testing.assert_allclose(np.einsum("nij,ni->nj", strain, v), 0, atol=1e-9)
+    assert pkm.robots.load("prs3").internal_efforts(np.tile(pkm.robots.load("prs3").mid_pose(), (3, 1))).shape == (3, 3, 0)
+
+
+def test_energy_columns_times_parameters_are_energies(robot):
+    q, v, _ = motion_about(robot.assemble())
+    kinetic, potential = robot.energy_regressors(q, v)
+    theta = robot.parameters()
+    ours, held = robot.energies(q, v)
+    np.testing.assert_allclose(kinetic @ theta + 0.5 * v**2 @ robot.armature, ours, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(potential @ theta, held, rtol=1e-10, atol=1e-10)
+
+
+def test_frame_motion_is_the_derivative_of_the_pose(robot, drives_motion):
+    q, v, a = drives_motion
+    q_tree, v_tree, a_tree = robot.tree_motion(q, v, a)
+    link = robot.links[-1]
+    velocity, acceleration = robot.frame_motion(link, q_tree, v_tree, a_tree)
+    jacobian = robot.frame_jacobian(link, q_tree)
+    np.testing.assert_allclose(velocity, np.einsum("nij,nj->ni", jacobian, v_tree), atol=1e-12)
+    rate = robot.frame_jacobian(link, q_tree, v_tree)
+    np.testing.assert_allclose(acceleration, np.einsum("nij,nj->ni", jacobian, a_tree) + np.einsum("nij,nj->ni", rate, v_tree), atol=1e-9)

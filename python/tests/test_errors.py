@@ -101,3 +101,9 @@ def test_scenarios_and_diagnoses_that_cannot_be(prs3):
     refused(TypeError, lambda: pkm.diagnose(prs3, short, holdout=[short, 3]), "holdout holds int")
     with pytest.raises(TypeError):
         pkm.Robot()
+
+
+def test_an_unnamed_recording_is_called_something_and_its_columns_are_told():
+    recording = pkm.Recording(np.arange(500) / 100.0, {"pos_q1": np.zeros(500)})
+    with pytest.raises(ValueError, match=r'^recording: no column "q.q1" \(required .*; columns: pos_q1\)$'):
+        pkm.diagnose(pkm.robots.load("prs3"), recording)

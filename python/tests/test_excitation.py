@@ -116,3 +116,19 @@ def test_bad_rates_are_refused(found):
             motion.grid(rate, periods=periods)
     with pytest.raises(ValueError, match="finite"):
         motion.sample([0.0, float("nan")])
+
+
+def test_surplus_drives_go_where_the_loops_take_them():
+    robot = pkm.robots.load("ups4")
+    motion = pkm.excite(robot, **QUICK)
+    assert robot.mobility < robot.n_act and motion.coefficients.shape[0] == robot.mobility
+    t, q, v, a = motion.grid(100.0)
+    assert q.shape == v.shape == a.shape == (len(t), robot.n_act)
+    # All drives together leave no loop open, which their motion drawn one by one would.
+    q_tree, v_tree, _ = robot.tree_motion(q, v, a)
+    gap, jacobian = robot.loop_gap(q_tree)
+    assert np.abs(gap).max() < 1e-9
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", jacobian, v_tree), 0, atol=1e-8)
+    recorded = motion.recording(100.0)
+    for k, joint in enumerate(robot.actuators):
+        np.testing.assert_array_equal(recorded[f"q_ref.{joint}"], q[:, k])

@@ -273,3 +273,17 @@ def test_the_command_line(folder, tmp_path):
     for wrong in (["compare", table, "robot1", "--since", "2026-03-01"], ["identify", tmp_path / "none", "--table", table]):
         refused = shell(*wrong)
         assert refused.returncode == 2 and refused.stderr.startswith("error: ") and len(refused.stderr.splitlines()) == 1
+
+
+def test_the_bench_tells_what_workers_gain():
+    told = shell("--bench", "--tasks", "2", "--rounds", "1", "--workers", "2")
+    assert told.returncode == 0, told.stderr
+    head, one, *many = ([cell.strip() for cell in line.strip("|").split("|")] for line in told.stdout.splitlines() if line.startswith("| "))
+    alone, cold, warm = (dict(zip(head, row, strict=True)) for row in (one, *many))
+    assert [row["how"] for row in (alone, cold, warm)] == ["one process", "2 workers, from their start", "2 workers that are there"]
+    assert alone["efficiency"] == "1.00" and float(alone["processor, s"]) > 0.0
+    for row in (cold, warm):
+        ratio = float(alone["wall, s"]) / float(row["wall, s"])
+        assert float(row["faster"]) == pytest.approx(ratio, rel=0.1) and float(row["efficiency"]) == pytest.approx(ratio / 2, rel=0.1)
+        # The same is computed: that takes the processors as long, wherever.
+        assert float(row["processor, s"]) > 0.5 * float(alone["processor, s"])

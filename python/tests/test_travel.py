@@ -4,6 +4,7 @@ import copy
 import pickle
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pkm
@@ -169,3 +170,60 @@ def test_xarray_and_back(mixed, tmp_path):
     np.testing.assert_array_equal(back["tau.q1"], recording["tau.q1"])
     with pytest.raises(ValueError, match="no coordinate time"):
         pkm.Recording.from_xarray(xarray.Dataset({"a": ("x", [1.0])}))
+
+
+QUICK = {"period_s": 8.0, "restarts": 1, "draws": 4, "iterations": 3, "hold": ["passive-friction"], "seed": 2**64 - 1}
+
+
+@pytest.mark.parametrize("basis", ["fourier", "spline"])
+def test_motions_travel(basis):
+    robot = pkm.robots.load("five_bar").with_effect("spring", "shoulder_left", stiffness=0.3, rest=0.1)
+    motion = pkm.excite(robot, basis=basis, **QUICK)
+    there = through(motion)
+    for name in ("period_s", "actuators", "criterion", "quality", "random", "gain", "columns", "structural", "well_conditioned", "margins"):
+        assert getattr(there, name) == getattr(motion, name), name
+    assert repr(there) == repr(motion)
+    for mine, theirs in zip(motion.grid(100.0, periods=2), there.grid(100.0, periods=2), strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+    ours, copied = motion.recording(50.0), there.recording(50.0)
+    assert copied.meta == ours.meta and copied.signals == ours.signals
+    assert ours.meta["excitation_seed"] == str(2**64 - 1)
+    with pytest.raises(ValueError, match="no motion of"):
+        pkm.Excitation._from_bytes(pkm.robots.load("prs3"), motion.__reduce__()[1][1])
+
+
+def test_controllers_travel_at_rest():
+    file = Path(__file__).parents[2] / "docs/examples/controllers/computed_torque.toml"
+    robot = pkm.robots.load("five_bar")
+    controller = pkm.Controller(robot, file)
+    there = through(controller)
+    assert (there.law, there.rate_hz, there.joints) == (controller.law, controller.rate_hz, controller.joints)
+    assert pkm.Controller.from_text(robot, file.read_text(encoding="utf-8")).law == controller.law
+    drives = [robot.joints.index(name) for name in robot.actuators]
+    q = np.tile(robot.assemble()[drives], (50, 1))
+    wanted = q + 1e-3 * np.sin(np.arange(50) / 10.0)[:, None]
+    ours = controller.run(q_meas=q, q_ref=wanted)
+    np.testing.assert_array_equal(there.run(q_meas=q, q_ref=wanted), ours)
+    # Its observer has moved: a copy that began anew would be another controller.
+    for moved in (controller, there):
+        with pytest.raises(ValueError, match="reset"):
+            pickle.dumps(moved)
+    controller.reset()
+    np.testing.assert_array_equal(through(controller).run(q_meas=q, q_ref=wanted), ours)
+    with pytest.raises(ValueError, match="mine.toml"):
+        pkm.Controller.from_text(robot, "law =", "mine.toml")
+
+
+def test_bounds_of_mu_travel():
+    blocks = [{"kind": "real", "repeats": 1}, {"kind": "complex"}, {"kind": "full", "rows": 2, "cols": 1}]
+    matrix = np.random.default_rng(3).normal(size=(3, 4)) + 1j * np.random.default_rng(4).normal(size=(3, 4))
+    system = (-np.diag([1.0, 2.0]), np.ones((2, 4)), np.ones((3, 2)), np.zeros((3, 4)))
+    for one in (pkm.mu(matrix, blocks), pkm.mu(system, blocks), pkm.mu(matrix, blocks, bounds="upper")):
+        there = through(one)
+        assert (there.upper, there.lower, there.w, there.guaranteed) == (one.upper, one.lower, one.w, one.guaranteed)
+        for name in ("frequencies", "uppers", "lowers"):
+            np.testing.assert_array_equal(getattr(there, name), getattr(one, name))
+        assert (there.worst is None) == (one.worst is None)
+        for mine, theirs in zip(one.worst or [], there.worst or [], strict=True):
+            np.testing.assert_array_equal(mine, theirs)
+    assert pkm.mu(matrix, blocks).worst is not None

@@ -21,6 +21,9 @@ tau: NDArray[numpy.float64] = robot.rnea(q_tree, v_tree, a_tree)
 wide: NDArray[numpy.float64] = robot.joint_torque_regressor(q_tree, v_tree, a_tree)
 start: NDArray[numpy.float64] = robot.assemble() + robot.armature
 
+columns: NDArray[numpy.float64] = robot.energy_regressors(q_tree, v_tree)[0] + robot.frame_motion("platform", q_tree, v_tree, a_tree)[1]
+strains: NDArray[numpy.float64] = robot.internal_efforts([robot.mid_pose()]) + robot.joint_wrenches(q, q, q)
+
 exported: str = robot.to_mjcf() + robot.to_gepetto()[0]
 
 truth = robot.with_effect("friction_coulomb", "q1", coulomb=12.0)
@@ -72,6 +75,13 @@ rows = pkm.reproduce(pkm.papers()[0])["rows"]
 misses: list[str] = [row["what"] for row in rows if row["verdict"] == "MISSED"]
 marks: list[pkm.prove.Marks] = pkm.prove.trials("proof", cases=3, seed=2, levels=["L1"])
 alarms: float = pkm.prove.count(marks)["false_alarms"].share
+
+plant = pkm.Plant(robot, q[0], kind="reduced")
+assert_type(plant.step(q[0], 1e-3), tuple[NDArray[numpy.float64], NDArray[numpy.float64]])
+rows_of_q: NDArray[numpy.float64] = plant.run(q, 1e-3)[0] + plant.q
+
+controller = pkm.Controller.from_text(robot, 'law = "pd_gravity"', name="mine.toml")
+assert_type(controller.run(q_meas=q), NDArray[numpy.float64])
 
 work = fleet.find("memory://robots")
 assert_type(work, list[fleet.Task])

@@ -1,12 +1,11 @@
 //! `cargo xtask benches`: every side-by-side measurement in turn, and their ratios in one table, docs/BENCHES.md.
 
 use std::fs;
+use std::path::Path;
 
+use crate::latency;
 use crate::peers::{self, END};
-use crate::shell::{root, timed};
-
-/// Where the measurements leave their tables.
-const TABLES: &str = "benches/README.md";
+use crate::shell::{program, root, run, target, timed};
 
 /// Where the ratios go.
 const SUMMARY: &str = "docs/BENCHES.md";
@@ -17,6 +16,8 @@ struct Measurement {
     command: &'static str,
     /// What is measured, and beside what.
     says: &'static str,
+    /// Arguments with which it takes as little time as it can.
+    short: &'static [&'static str],
     work: fn(&[&str]) -> Result<(), String>,
     ratios: fn(&[Row]) -> Vec<Ratio>,
 }
@@ -27,28 +28,60 @@ type Row = Vec<String>;
 /// Of ours to theirs, and what it is about.
 type Ratio = (String, f64);
 
-const ALL: [Measurement; 3] = [
+const ALL: [Measurement; 6] = [
     Measurement {
         command: "peers",
         says: "mechanics, time per call, beside Pinocchio's C++",
+        short: &["--rounds", "2"],
         work: peers::peers,
         ratios: |rows| column(rows, "ours / their best"),
     },
     Measurement {
         command: "slicot",
         says: "structured singular values, time per bound, beside SLICOT's AB13MD",
+        short: &["50"],
         work: peers::slicot,
         ratios: |rows| column(rows, "ours / theirs"),
     },
     Measurement {
         command: "identify-peers",
         says: "identification, time from recordings to parameters, beside cvxpy, scipy, figaroh",
+        short: &["1"],
         work: peers::identify,
         ratios: identified,
     },
+    Measurement {
+        command: "plants",
+        says: "a millisecond of simulation, beside the engine rapier",
+        short: &["--", "--quick"],
+        work: peers::plants,
+        ratios: |rows| column(rows, "ours / theirs"),
+    },
+    Measurement {
+        command: "fleet",
+        says: "a fleet on a cluster, time beside one process's shared out without loss",
+        short: &["2", "1"],
+        work: peers::fleet,
+        ratios: |rows| column(rows, "ours / ideal"),
+    },
+    // Beside bare loops that do nothing else; its columns are distributions, which no ratio stands for.
+    Measurement {
+        command: LATENCY,
+        says: "wake-ups of a loop, beside bare sleeping",
+        short: &["1"],
+        work: latency::latency,
+        ratios: |_| Vec::new(),
+    },
 ];
 
-/// Runs every measurement, then writes the ratios; with `--table` the ratios alone, from the tables that are there.
+/// The measurement without ratios.
+const LATENCY: &str = "latency";
+
+/// Text of a table whose command has not been run.
+const UNMEASURED: &str = "Not measured yet";
+
+/// Runs every measurement, then writes the ratios; with `--table` the ratios alone, from the tables that are there; with `--short` everything with as
+/// little work as it can have, into a copy of both pages below the folder of build products: whether it runs, not how fast.
 pub(crate) fn benches(rest: &[&str]) -> Result<(), String> {
     match rest {
         [] => {
@@ -60,12 +93,30 @@ pub(crate) fn benches(rest: &[&str]) -> Result<(), String> {
             }
         }
         ["--table"] => {}
-        [other, ..] => return Err(format!("unexpected argument {other:?} (--table)")),
+        ["--short"] => return short(),
+        [other, ..] => return Err(format!("unexpected argument {other:?} (--table, --short)")),
     }
-    let tables = fs::read_to_string(root().join(TABLES)).map_err(|e| format!("{TABLES}: {e}"))?;
-    let text = summary(&tables)?;
+    let text = summary(&read(&peers::tables())?)?;
     fs::write(root().join(SUMMARY), &text).map_err(|e| format!("{SUMMARY}: {e}"))?;
     println!("{text}");
+    Ok(())
+}
+
+fn read(path: &Path) -> Result<String, String> {
+    fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))
+}
+
+fn short() -> Result<(), String> {
+    let copy = target().join("benches-short.md");
+    fs::write(&copy, read(&peers::tables())?).map_err(|e| format!("{}: {e}", copy.display()))?;
+    let own = std::env::current_exe().map_err(|e| format!("this program: {e}"))?;
+    for m in &ALL {
+        println!("== {}: {}", m.command, m.says);
+        let (outcome, duration) = timed(|| run(program(&own, &[m.command]).args(m.short).env(peers::TABLES, &copy)));
+        outcome.map_err(|e| format!("{}: {e}", m.command))?;
+        println!("   {:.0} s", duration.as_secs_f64());
+    }
+    println!("{}\nnumbers of a short run, kept nowhere but in {}", summary(&read(&copy)?)?, copy.display());
     Ok(())
 }
 
@@ -74,20 +125,29 @@ fn summary(tables: &str) -> Result<String, String> {
     let mut out = format!(
         "# Beside other programs\n\nRatios of our time to the other program's in one run on one machine; below one is faster. Written by\n\
          `cargo xtask benches`, which runs every measurement in turn; the full tables, with what was done and what was compared number by\n\
-         number, are in {TABLES}. A commit with `+changes` had files that were not committed.\n\n\
+         number, are in benches/README.md. A commit with `+changes` had files that were not committed.\n\n\
          | measurement | cases | fastest | median | slowest | slower in | commit |\n|---|---|---|---|---|---|---|\n"
     );
     let mut slower = String::new();
     let mut machines: Vec<String> = Vec::new();
     for m in &ALL {
-        let (head, rows) = table(tables, m.command).ok_or_else(|| format!("{TABLES}: no table of {}", m.command))?;
+        let (head, rows) = table(tables, m.command).ok_or_else(|| format!("no table of {} among the tables", m.command))?;
+        if head.starts_with(UNMEASURED) {
+            out += &format!("| {} | | | | | | not measured yet |\n", m.says);
+            continue;
+        }
         let mut ratios = (m.ratios)(&rows);
         ratios.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let commit = head.split("commit ").nth(1).unwrap_or("unknown").trim_end_matches('.');
+        machines.push(format!("- {}: {}", m.command, head.split("; commit").next().unwrap_or(&head)));
         let (Some(first), Some(last)) = (ratios.first(), ratios.last()) else {
-            return Err(format!("{TABLES}: {} has no ratio", m.command));
+            if m.command == LATENCY {
+                out += &format!("| {} | | | | | | {commit} |\n", m.says);
+                continue;
+            }
+            return Err(format!("the table of {} has no ratio", m.command));
         };
         let over: Vec<&Ratio> = ratios.iter().filter(|r| r.1 > 1.0).collect();
-        let commit = head.split("commit ").nth(1).unwrap_or("unknown").trim_end_matches('.');
         out += &format!(
             "| {} | {} | {:.2} | {:.2} | {:.2} | {} of {} | {commit} |\n",
             m.says,
@@ -99,8 +159,6 @@ fn summary(tables: &str) -> Result<String, String> {
             ratios.len()
         );
         over.iter().for_each(|(what, ratio)| slower += &format!("- {what}: {ratio:.2}\n"));
-        let machine = head.split("; commit").next().unwrap_or(&head).to_string();
-        machines.push(format!("- {}: {machine}", m.command));
     }
     if !slower.is_empty() {
         out += &format!("\nWhere the other program is faster:\n\n{slower}");
@@ -146,7 +204,9 @@ mod tests {
     const TABLES: &str = "x\n<!-- cargo xtask peers -->\nCPU; commit abc, 2026-01-01.\n\n| robot | algorithm | ours / their best |\n|---|---|---|\n\
         | a | rnea | 0.50 |\n| a | crba | 1.25 |\n<!-- end -->\n<!-- cargo xtask slicot -->\nCPU; commit abc, d.\n| p | n | ours / theirs |\n|---|---|---|\n\
         | m | 2 | 0.1 |\n<!-- end -->\n<!-- cargo xtask identify-peers -->\nCPU; commit abc, d.\n| i | t |\n|---|---|\n| pkm, `sdp` | 1.0 s |\n\
-        | pkm, `wls` | 9.0 s |\n| cvxpy | 2.0 s |\n<!-- end -->\n";
+        | pkm, `wls` | 9.0 s |\n| cvxpy | 2.0 s |\n<!-- end -->\n<!-- cargo xtask plants -->\nNot measured yet: later.\n<!-- end -->\n\
+        <!-- cargo xtask fleet -->\nCPU; commit abc, d.\n| d | how | ours / ideal |\n|---|---|---|\n| 16 | one process | |\n| 16 | 2 workers | 1.10 |\n\
+        <!-- end -->\n<!-- cargo xtask latency -->\nCPU; commit abc, d.\n```text\nrows\n```\n<!-- end -->\n";
 
     #[test]
     fn ratios_are_read_from_the_tables_and_losses_are_told() {
@@ -154,6 +214,8 @@ mod tests {
         assert!(page.contains("| 2 | 0.50 | 1.25 | 1.25 | 1 of 2 | abc, 2026-01-01 |"), "{page}");
         assert!(page.contains("- a, crba: 1.25\n") && !page.contains("rnea: 0.5"), "{page}");
         assert!(page.contains("| 1 | 0.50 | 0.50 | 0.50 | 0 of 1 |"), "identification: {page}");
+        assert!(page.contains("| 1 | 1.10 | 1.10 | 1.10 | 1 of 1 |") && page.contains("- 16, 2 workers: 1.10\n"), "fleet: {page}");
+        assert!(page.contains("rapier | | | | | | not measured yet |") && page.contains("sleeping | | | | | | abc, d |"), "{page}");
     }
 
     #[test]

@@ -191,6 +191,53 @@ pub(crate) fn book() -> Result<(), String> {
 mod tests {
     use super::*;
 
+    /// What mdBook replaces by another file.
+    const INCLUDE: &str = "{{#include ";
+
+    /// A page with its included files, which the book shows in its place.
+    fn whole(page: &Path) -> String {
+        let text = fs::read_to_string(page).unwrap();
+        let of = |line: &str| match line.trim().strip_prefix(INCLUDE) {
+            Some(rest) => fs::read_to_string(page.with_file_name(rest.trim_end_matches('}'))).unwrap(),
+            None => line.to_string(),
+        };
+        text.lines().map(of).collect::<Vec<_>>().join("\n")
+    }
+
+    /// Links of a text that lead to no file of the book, seen from a page's folder; those to other sites are theirs.
+    fn dead(text: &str, folder: &Path) -> Vec<String> {
+        let targets = text.split("](").skip(1).filter_map(|rest| rest.split([')', ' ']).next());
+        let inside = root().join(PAGES).canonicalize().unwrap();
+        let is_dead = |target: &&str| {
+            let file = target.split('#').next().unwrap_or_default();
+            let is_own = !target.contains("://") && !target.starts_with('#') && !target.is_empty();
+            is_own && !folder.join(file).canonicalize().is_ok_and(|path| path.starts_with(&inside))
+        };
+        targets.filter(is_dead).map(str::to_string).collect()
+    }
+
+    #[test]
+    fn every_link_leads_to_a_page_of_the_book() {
+        let folder = root().join(PAGES);
+        assert_eq!(dead("[a](start.md#x) [b](https://c.org/d) [e](gone.md) [f](../book.toml)", &folder), ["gone.md", "../book.toml"]);
+        for page in pages(&folder).unwrap() {
+            assert_eq!(dead(&whole(&page), page.parent().unwrap()), Vec::<String>::new(), "{}", page.display());
+            // mdBook names such a page index.html, and leaves the links to it as they are.
+            let is_renamed = page.file_name().is_some_and(|n| n == "README.md") && page.parent() != Some(folder.as_path());
+            assert!(!is_renamed, "{}: call it index.md", page.display());
+        }
+    }
+
+    #[test]
+    fn every_page_is_in_the_summary() {
+        let folder = root().join(PAGES);
+        let summary = fs::read_to_string(folder.join("SUMMARY.md")).unwrap();
+        for page in pages(&folder).unwrap() {
+            let name = page.strip_prefix(&folder).unwrap().display().to_string();
+            assert!(name == "SUMMARY.md" || summary.contains(&format!("]({name})")), "{name}");
+        }
+    }
+
     #[test]
     fn commands_are_those_after_a_dollar_in_console_blocks() {
         let page =

@@ -27,7 +27,9 @@ cargo xtask bench [ARGS ...]  the benches; arguments go to criterion (`-- --quic
 cargo xtask peers [ARGS ...]  pkm-dyn and Pinocchio's C++ in one run, into benches/README.md (`--rounds N`)
 cargo xtask slicot [N]        μ beside SLICOT's AB13MD on N problems in one run, into benches/README.md
 cargo xtask identify-peers [N]  identification beside Pinocchio, scipy and cvxpy, best of N rounds, into benches/README.md
-cargo xtask benches [--table] the three above in turn, their ratios into docs/BENCHES.md; or the ratios alone
+cargo xtask plants [ARGS ...] a millisecond of simulation beside the engine rapier, into benches/README.md; arguments go to criterion
+cargo xtask fleet [N [ROUNDS]]  N diagnoses in one process and on a cluster of this machine, into benches/README.md
+cargo xtask benches [--table | --short]  all of these and `latency` in turn, their ratios into docs/BENCHES.md; the ratios alone; or a try that writes neither
 cargo xtask diagnose-times [S ...]  a diagnosis of a six-axis arm over recordings of so many seconds: time and memory, into benches/README.md
 cargo xtask prove-baselines DIR [NAME ...]  other methods on the blind trials that `pkm prove` made in DIR, scored beside the diagnosis
 cargo xtask package [--no-verify] [--no-wheel]  all that publishing does but the upload: every crate in order, and the wheel
@@ -48,6 +50,8 @@ fn main() -> ExitCode {
         Some("peers") => peers::peers(&rest),
         Some("slicot") => peers::slicot(&rest),
         Some("identify-peers") => peers::identify(&rest),
+        Some("plants") => peers::plants(&rest),
+        Some("fleet") => peers::fleet(&rest),
         Some("diagnose-times") => times::diagnosis(&rest),
         Some("prove-baselines") => peers::prove_baselines(&rest),
         Some("latency") => latency::latency(&rest),

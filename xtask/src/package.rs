@@ -24,8 +24,8 @@ pub(crate) fn package(rest: &[&str]) -> Result<(), String> {
     metadata()?;
     // In the order in which they depend on each other, against an overlay of the registry that holds those before; a tree that is not
     // committed can be tried as well.
-    let mut command =
-        cargo("package --workspace --exclude xtask --exclude pkm-tests --exclude pkm-benches --exclude pkm-python --allow-dirty");
+    let excluded = "--exclude xtask --exclude pkm-tests --exclude pkm-benches --exclude pkm-python";
+    let mut command = cargo(&format!("publish --dry-run --workspace {excluded} --allow-dirty"));
     command.args(rest.iter().filter(|o| **o == "--no-verify"));
     run(command.env("CARGO_TARGET_DIR", target().join("packages")))?;
     if !rest.contains(&"--no-wheel") {

@@ -1,5 +1,5 @@
-//! `cargo xtask peers`, `slicot`, `identify-peers` and `prove-baselines`: this project and others measured in one run; the first three write their table in
-//! benches/README.md anew.
+//! `cargo xtask peers`, `slicot`, `identify-peers`, `plants`, `fleet` and `prove-baselines`: this project and others measured in one run; all but the last
+//! write their table in benches/README.md anew.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use std::process::Command;
 
 use crate::chores::{PINOCCHIO, commit};
 use crate::python;
-use crate::shell::{answer, cargo, program, root, run, target};
+use crate::shell::{answer, cargo, output, program, root, run, target};
 
 /// The other side's source.
 const SOURCE: &str = "benches/pinocchio/peer.cpp";
@@ -76,6 +76,52 @@ pub(crate) fn identify(rest: &[&str]) -> Result<(), String> {
     publish("identify-peers", &format!("{}\n\n{text}", head(&IDENTIFIERS.join(", "), "not pinned, ordinary scheduler")))
 }
 
+/// What a fleet needs besides the wheel; the names that the wheel itself states.
+const FLEET: &str = "pkm[fleet]";
+
+/// Builds and installs the wheel, optimised, lets it diagnose in one process and on a cluster of this machine in turn, and writes the table; arguments are
+/// the numbers of tasks and of rounds.
+pub(crate) fn fleet(rest: &[&str]) -> Result<(), String> {
+    let (tasks, rounds) = (rest.first().copied().unwrap_or("16"), rest.get(1).copied().unwrap_or("3"));
+    let programs = installed(&["numpy", FLEET])?;
+    let bench = ["-m", "pkm.fleet", "--bench", "--tasks", tasks, "--rounds", rounds];
+    let text = output(&mut program(programs.join(python::name("python")), &bench))?;
+    publish("fleet", &format!("{}\n\n{}", head("dask, distributed", "not pinned, ordinary scheduler"), text.trim_end()))
+}
+
+/// Lengths of a millisecond in the own plant and in the engine rapier: the beginnings of criterion's names.
+const PLANTS: [&str; 2] = ["1 ms of ReducedPlant_", "1 ms of RapierPlant_"];
+
+/// Runs the bench of plants and writes the table; arguments go to criterion (`-- --quick`).
+pub(crate) fn plants(rest: &[&str]) -> Result<(), String> {
+    run(cargo("bench --locked -p pkm-benches --bench plants").args(rest))?;
+    let folder = target().join("criterion");
+    let entries = fs::read_dir(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    let names: Vec<String> = entries.flatten().map(|e| e.file_name().to_string_lossy().into_owned()).collect();
+    let mut robots: Vec<&str> = names.iter().filter_map(|n| n.strip_prefix(PLANTS[0])).collect();
+    robots.sort_unstable();
+    let mut text = "| robot | what | pkm, us | rapier, us | ours / theirs |\n|---|---|---|---|---|\n".to_string();
+    for robot in robots.into_iter().filter(|r| names.iter().any(|n| n.strip_prefix(PLANTS[1]) == Some(*r))) {
+        let [ours, theirs] = PLANTS.map(|plant| median_ns(&folder.join(format!("{plant}{robot}/new/estimates.json"))));
+        let (ours, theirs) = (ours? / 1e3, theirs? / 1e3);
+        text += &format!("| {robot} | 1 ms | {ours:.2} | {theirs:.2} | {:.2} |\n", ours / theirs);
+    }
+    publish("plants", &format!("{}\n\n{text}", head("rapier3d-f64 (Cargo.lock)", "one thread, not pinned, ordinary scheduler")))
+}
+
+/// The median that criterion left in a file `[ns]`.
+fn median_ns(path: &Path) -> Result<f64, String> {
+    let text = fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
+    median(&text).ok_or_else(|| format!("{}: no median", path.display()))
+}
+
+/// The point estimate of the median in criterion's JSON.
+fn median(text: &str) -> Option<f64> {
+    let (_, rest) = text.split_once("\"median\":")?;
+    let (_, rest) = rest.split_once("\"point_estimate\":")?;
+    rest.split([',', '}']).next()?.trim().parse().ok()
+}
+
 /// Builds and installs the wheel, optimised, lets other methods diagnose the cases of a folder that `pkm prove` made, and scores everything again; further
 /// arguments are names of methods.
 pub(crate) fn prove_baselines(rest: &[&str]) -> Result<(), String> {
@@ -140,9 +186,17 @@ pub(crate) fn head(peer: &str, how: &str) -> String {
     )
 }
 
-/// Puts the text between the marks of a command in benches/README.md.
+/// The page of tables: benches/README.md, or the copy that `PKM_BENCH_TABLES` names, where a short run leaves the real one alone.
+pub(crate) fn tables() -> PathBuf {
+    std::env::var_os(TABLES).map_or_else(|| root().join("benches/README.md"), PathBuf::from)
+}
+
+/// Names another page of tables.
+pub(crate) const TABLES: &str = "PKM_BENCH_TABLES";
+
+/// Puts the text between the marks of a command in the page of tables.
 pub(crate) fn publish(command: &str, text: &str) -> Result<(), String> {
-    let path = root().join("benches/README.md");
+    let path = tables();
     let old = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
     let begin = format!("<!-- cargo xtask {command} -->");
     let new = between(&old, &begin, text).ok_or_else(|| format!("{}: no {begin:?} and {END:?} after it", path.display()))?;
@@ -159,6 +213,14 @@ pub(crate) fn between(old: &str, begin: &str, text: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_median_is_read_from_criterions_file() {
+        let text = r#"{"mean":{"confidence_interval":{"lower_bound":1.0},"point_estimate":2.0},"median":{"confidence_interval":
+            {"confidence_level":0.95,"lower_bound":3.0,"upper_bound":5.0},"point_estimate":4127.25,"standard_error":0.1},"slope":null}"#;
+        assert_eq!(median(text), Some(4127.25));
+        assert_eq!(median("{}"), None);
+    }
 
     #[test]
     fn only_what_stands_between_the_marks_is_replaced() {

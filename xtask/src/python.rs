@@ -19,7 +19,7 @@ pub(crate) fn environment() -> Result<PathBuf, String> {
     Ok(programs)
 }
 
-fn name(stem: &str) -> String {
+pub(crate) fn name(stem: &str) -> String {
     format!("{stem}{}", std::env::consts::EXE_SUFFIX)
 }
 

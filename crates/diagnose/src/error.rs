@@ -7,7 +7,7 @@ pub enum InputError {
     #[error("no recording given")]
     NoRecording,
     /// A column the robot needs is not there.
-    #[error("{recording}: no column {column:?} (required for every actuated joint of {robot:?})")]
+    #[error("{recording}: no column {column:?} (required for every actuated joint of {robot:?}; columns: {found})")]
     MissingColumn {
         /// Recording as the user named it.
         recording: String,
@@ -15,6 +15,8 @@ pub enum InputError {
         column: String,
         /// Robot name.
         robot: String,
+        /// Columns there are.
+        found: String,
     },
     /// A column holds nothing.
     #[error("{recording}: column {column:?} has {known} known samples of {samples} (at least half must be known)")]

@@ -250,7 +250,8 @@ fn planned(robot: &Robot, reference: &Recording) -> Result<Recording, InputError
         let name = &model.joints[j].name;
         let column = format!("q_ref.{name}");
         let q = reference.signal(&column).or_else(|| reference.signal(&format!("q.{name}")));
-        let missing = || InputError::MissingColumn { recording: reference.name.clone(), column, robot: model.name.clone() };
+        let found = || reference.columns();
+        let missing = || InputError::MissingColumn { recording: reference.name.clone(), column, robot: model.name.clone(), found: found() };
         out.signals.insert(format!("q.{name}"), q.ok_or_else(missing)?.to_vec());
         out.signals.insert(format!("tau.{name}"), vec![0.0; reference.len()]);
     }
@@ -268,7 +269,8 @@ pub fn recorded_noise(robot: &Robot, recording: &Recording) -> Result<BTreeMap<S
     for &j in &model.actuators {
         let name = &model.joints[j].name;
         let column = format!("tau.{name}");
-        let missing = || InputError::MissingColumn { recording: recording.name.clone(), column: column.clone(), robot: model.name.clone() };
+        let (found, robot) = (|| recording.columns(), model.name.clone());
+        let missing = || InputError::MissingColumn { recording: recording.name.clone(), column: column.clone(), robot, found: found() };
         let tau = recording.signal(&column).ok_or_else(missing)?;
         let known = tau.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).filter(|d| d.is_finite());
         let (sum, n) = known.fold((0.0, 0_usize), |(s, n), d| (s + d * d / 6.0, n + 1));

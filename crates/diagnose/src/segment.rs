@@ -129,7 +129,7 @@ fn raw(robot: &Robot, r: &Recording, kinds: &[Kind]) -> Result<Raw, InputError> 
         for kind in ["q", "tau"] {
             let column = format!("{kind}.{}", model.joints[j].name);
             let Some(signal) = r.signal(&column) else {
-                return Err(InputError::MissingColumn { recording: r.name.clone(), column, robot: model.name.clone() });
+                return Err(InputError::MissingColumn { recording: r.name.clone(), column, robot: model.name.clone(), found: r.columns() });
             };
             let known = signal.iter().filter(|x| x.is_finite()).count();
             if 2 * known < signal.len() {

@@ -66,6 +66,19 @@ impl Recording {
         self.signals.get(name).map(Vec::as_slice)
     }
 
+    /// Names of the columns for a message, the first dozen.
+    #[must_use]
+    pub fn columns(&self) -> String {
+        const MOST: usize = 12;
+        let mut names: Vec<&str> = self.signals.keys().take(MOST).map(String::as_str).collect();
+        let more = self.signals.len().saturating_sub(MOST);
+        let rest = format!("and {more} more");
+        if more > 0 {
+            names.push(&rest);
+        }
+        if names.is_empty() { "none but t".to_string() } else { names.join(", ") }
+    }
+
     /// Number of samples.
     #[must_use]
     pub fn len(&self) -> usize {

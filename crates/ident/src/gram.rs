@@ -29,9 +29,9 @@ impl Rows {
         Self { columns, gathered: Mat::zeros(n, GATHERED), filled: 0, product: Mat::zeros(n, n) }
     }
 
-    fn push(&mut self, regressor: &DMatrix<f64>, k: usize, tau: f64) {
+    fn push(&mut self, regressor: impl Fn(usize) -> f64, tau: f64) {
         let row = self.gathered.col_as_slice_mut(self.filled);
-        row.iter_mut().zip(&self.columns).for_each(|(x, &c)| *x = regressor[(k, c)]);
+        row.iter_mut().zip(&self.columns).for_each(|(x, &c)| *x = regressor(c));
         row[self.columns.len()] = tau;
         self.filled += 1;
         if self.filled == GATHERED {
@@ -80,6 +80,19 @@ impl Gram {
         Self { each: Data::new(model).independent.iter().map(|&j| Rows::new(columns(j))).collect(), n, rows: 0 }
     }
 
+    /// Adds one sample as [`Gram::push`] does, its regressor row by row.
+    ///
+    /// # Panics
+    /// As there.
+    pub fn push_rows(&mut self, regressor: &[f64], tau: &[f64]) {
+        assert!(regressor.len() == self.each.len() * self.n && tau.len() == self.each.len(), "one row per coordinate");
+        for (k, (rows, tau)) in self.each.iter_mut().zip(tau).enumerate() {
+            let row = &regressor[k * self.n..(k + 1) * self.n];
+            rows.push(|c| row[c], *tau);
+        }
+        self.rows += self.each.len();
+    }
+
     /// Adds one sample: its regressor, independent × 10·bodies, and the efforts of the independent coordinates `[N | N·m]`.
     ///
     /// # Panics
@@ -87,7 +100,7 @@ impl Gram {
     pub fn push(&mut self, regressor: &DMatrix<f64>, tau: &[f64]) {
         assert!(regressor.shape() == (self.each.len(), self.n) && tau.len() == self.each.len(), "one row per coordinate");
         for (k, (rows, tau)) in self.each.iter_mut().zip(tau).enumerate() {
-            rows.push(regressor, k, *tau);
+            rows.push(|c| regressor[(k, c)], *tau);
         }
         self.rows += self.each.len();
     }
@@ -146,7 +159,12 @@ mod tests {
                 let q: Vec<f64> = centre.iter().zip(at(0.05)).map(|(c, x)| c + x).collect();
                 assert!(closed_loop_motion(&model, &mut data, &q, &at(1.0), &at(3.0)).is_closed);
                 let (w, tau) = (actuated_regressor(&model, &mut data).clone(), at(7.0));
-                parts[usize::from(i >= 170)].push(&w, &tau);
+                // Both ways of handing a regressor over.
+                if i % 2 == 0 {
+                    parts[usize::from(i >= 170)].push(&w, &tau);
+                } else {
+                    parts[usize::from(i >= 170)].push_rows(w.transpose().as_slice(), &tau);
+                }
                 for (k, effort) in tau.iter().enumerate() {
                     rows.push(w.row(k).iter().copied().collect::<Vec<_>>());
                     efforts.push(*effort);

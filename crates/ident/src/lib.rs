@@ -8,6 +8,7 @@ extern crate alloc;
 pub mod answer;
 pub mod base;
 pub mod beside;
+pub mod bulk;
 pub mod columns;
 pub mod dataset;
 pub mod distributions;

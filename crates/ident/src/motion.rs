@@ -140,7 +140,7 @@ fn choose_band(raws: &[Raw], recordings: &[(&Recording, Use)]) -> f64 {
 fn signal<'r>(model: &Model, r: &'r Recording, kind: &str, j: usize) -> Result<&'r [f64], InputError> {
     let column = format!("{kind}.{}", model.joints[j].name);
     let Some(signal) = r.signal(&column) else {
-        return Err(InputError::MissingColumn { recording: r.name.clone(), column, robot: model.name.clone() });
+        return Err(InputError::MissingColumn { recording: r.name.clone(), column, robot: model.name.clone(), found: r.columns() });
     };
     let known = signal.iter().filter(|x| x.is_finite()).count();
     if 2 * known < signal.len() {

@@ -176,6 +176,12 @@ fn row_name(model: &Model, row: usize) -> String {
 fn warnings(robot: &Robot, middle: &Closure) -> Vec<String> {
     let model = &robot.model;
     let mut out = Vec::new();
+    if model.massive_links().is_empty() {
+        out.push(
+            "no link that moves has mass: the URDF has no <inertial> there, so nothing has weight and nothing can be identified"
+                .to_string(),
+        );
+    }
     for link in &model.links {
         let p = &link.parameters;
         if link.body.is_some() && !p.is_feasible(INERTIA_TOLERANCE) {

@@ -94,7 +94,8 @@ fn fits(recording: &Recording, description: &Description) -> anyhow::Result<()> 
         for kind in ["q", "tau"] {
             let column = format!("{kind}.{}", model.joints[j].name);
             if recording.signal(&column).is_none() {
-                bail!("{}: no column {column:?} (required for every actuated joint of {:?})", recording.name, model.name);
+                let (found, robot) = (recording.columns(), &model.name);
+                bail!("{}: no column {column:?} (required for every actuated joint of {robot:?}; columns: {found})", recording.name);
             }
         }
     }

@@ -11,6 +11,7 @@ use pkm_ident::Recording;
 use pkm_record::ReadOptions;
 use pkm_sim::SimError;
 
+use crate::out;
 use crate::outputs::is_same_file;
 use crate::progress::Progress;
 
@@ -70,10 +71,24 @@ pub(crate) fn read_recordings(paths: &[PathBuf], topic: Option<&str>) -> anyhow:
     let mut out = Vec::new();
     for path in paths {
         let recording = pkm_record::read(path, &options)?;
+        doubt_the_clock(&recording);
         tracing::info!("recording {}: {} samples, {:.1} s", path.display(), recording.len(), recording.duration());
         out.push(recording);
     }
     Ok(out)
+}
+
+/// Samples farther apart than this show no motion of a robot `[s]`.
+const SLOW_S: f64 = 0.2;
+
+/// A word on standard error where a clock seems to tell milliseconds.
+fn doubt_the_clock(recording: &Recording) {
+    let steps = recording.len().saturating_sub(1).max(1);
+    let (apart, duration) = (recording.duration() / steps as f64, recording.duration());
+    if apart > SLOW_S {
+        let told = format!("{} samples in {duration:.0} s, {apart:.3} s apart: are these milliseconds? t is in seconds", recording.len());
+        out::line_on_stderr(&out::clean(&format!("note: {}: {told}", recording.name)));
+    }
 }
 
 /// Refuses a file that is given twice: held-out data that was fitted proves nothing.

@@ -43,6 +43,7 @@ use std::panic::catch_unwind;
 use std::process::ExitCode;
 use std::sync::Once;
 
+use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 /// Exit code of a mistake in pkm itself.
@@ -230,10 +231,17 @@ fn parse() -> Result<Cli, ExitCode> {
             let _ = e.print();
             return ExitCode::SUCCESS;
         }
+        if e.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+            // Nobody who asks nothing wants one line.
+            let _ = e.print();
+            return ExitCode::from(BAD_INPUT);
+        }
         let text = e.to_string();
         let told = text.lines().take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more information"));
         let line = told.collect::<Vec<_>>().join(" ");
-        out::error(&format!("{} (see `pkm --help`)", line.strip_prefix("error: ").unwrap_or(&line)));
+        let given = std::env::args().nth(1);
+        let verb = given.filter(|given| Cli::command().find_subcommand(given).is_some()).map_or(String::new(), |verb| format!("{verb} "));
+        out::error(&format!("{} (see `pkm {verb}--help`)", line.strip_prefix("error: ").unwrap_or(&line)));
         ExitCode::from(BAD_INPUT)
     })
 }

@@ -22,6 +22,14 @@ pub(crate) fn read(robot: &Path) -> anyhow::Result<Description> {
             bail!("{name}: no such file, and no shipped robot of that name (there are: {})", known.join(", "));
         }
     }
+    if robot.is_dir() {
+        let inside = robot.join("robot.toml");
+        let next = if inside.is_file() { format!("its robot is {}", inside.display()) } else { "there is no robot.toml in it".to_string() };
+        bail!("{}: a folder (must be a robot.toml; {next})", robot.display());
+    }
+    if robot.extension().is_some_and(|e| e.eq_ignore_ascii_case("urdf") || e.eq_ignore_ascii_case("xacro")) {
+        bail!("{}: a URDF alone is no robot (must be a robot.toml that names it and its drives: `pkm check --help`)", robot.display());
+    }
     tracing::info!("robot {}", robot.display());
     Ok(load(robot)?)
 }

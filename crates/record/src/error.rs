@@ -60,7 +60,7 @@ pub enum ReadError {
         key: String,
     },
     /// No time column.
-    #[error("{file} line {line}: no column t (columns: {found})")]
+    #[error("{file} line {line}: no column t, the time in seconds (columns: {found}){hint}")]
     MissingTime {
         /// File as given.
         file: String,
@@ -68,6 +68,8 @@ pub enum ReadError {
         line: usize,
         /// Columns there are.
         found: String,
+        /// What else may be wrong.
+        hint: &'static str,
     },
     /// Two columns of one name.
     #[error("{file} line {line}: column {column} is there twice")]

@@ -6,7 +6,8 @@ use pkm_dyn::math;
 const DEGREE: usize = 5;
 
 /// Which functions a motion is the sum of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Basis {
     /// A constant and so many harmonics: `q = q_0 + Σ_k [a_k·sin(k·w·t) − b_k·cos(k·w·t)]/(k·w)` \[Swevers1997\], \[Armas, sec. 2.1.5\]. The
     /// coefficients `q_0, a_1, b_1, a_2, …` are a position and velocities.
@@ -108,7 +109,7 @@ fn cardinal(degree: usize, u: f64) -> f64 {
 }
 
 /// A periodic motion of all drives.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Periodic {
     /// The functions.
     pub basis: Basis,

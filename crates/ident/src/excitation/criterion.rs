@@ -7,7 +7,8 @@ use faer::{Mat, Side};
 use pkm_dyn::math;
 
 /// What is made small.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Criterion {
     /// Condition number of the columns at length one: the worst amplification of errors \[Armas, sec. 2.1.5\].
     Condition,
@@ -44,7 +45,7 @@ impl Criterion {
 }
 
 /// Two effects after the base parameters have explained what they can.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Separation {
     /// Cosine of the angle between what is left of both.
     pub cosine: f64,

@@ -34,7 +34,7 @@ impl Default for Limits {
 }
 
 /// What is bounded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Bounded {
     /// Position of a joint.

@@ -246,9 +246,19 @@ impl Excitation {
         })
     }
 
-    /// The motion of all drives; surplus ones go where the loops take them, and have no numbers where these do not close.
-    fn states(&self, model: &Model, samples: usize, rate_hz: f64) -> Vec<DriveState> {
-        let led = (0..samples).map(|i| self.motion.at(i as f64 / rate_hz));
+    /// The motion as a file has it; see [`references`].
+    #[must_use]
+    pub fn recording(&self, model: &Model, samples: usize, rate_hz: f64) -> Recording {
+        references(&self.motion, model, (self.settings.criterion, self.settings.seed), samples, rate_hz)
+    }
+}
+
+impl Periodic {
+    /// The motion of all drives of `model` (the robot that it was found for) at times `[s]`, the first of which is where it is walked to;
+    /// surplus drives go where the loops take them, and have no numbers where these do not close.
+    #[must_use]
+    pub fn states(&self, model: &Model, time: &[f64]) -> Vec<DriveState> {
+        let led = time.iter().map(|&t| self.at(t));
         let Some(leading) = leading(model) else { return led.collect() };
         let mut data = pkm_dyn::Data::new(&leading);
         let none = || vec![f64::NAN; model.n_act()];
@@ -263,29 +273,29 @@ impl Excitation {
         };
         led.enumerate().map(&mut whole).collect()
     }
+}
 
-    /// The motion as a file has it: references of position, velocity and acceleration of every drive of `model` (the robot that it was
-    /// found for), `samples` of them at `rate_hz` `[Hz]`; see [`samples`].
-    #[must_use]
-    pub fn recording(&self, model: &Model, samples: usize, rate_hz: f64) -> Recording {
-        let mut out = Recording { name: format!("{}, excitation", self.robot), ..Recording::default() };
-        let states = self.states(model, samples, rate_hz);
-        out.time = (0..samples).map(|i| i as f64 / rate_hz).collect();
-        for (k, &j) in model.actuators.iter().enumerate() {
-            let name = &model.joints[j].name;
-            out.signals.insert(format!("q_ref.{name}"), states.iter().map(|s| s.q[k]).collect());
-            out.signals.insert(format!("dq_ref.{name}"), states.iter().map(|s| s.v[k]).collect());
-            out.signals.insert(format!("ddq_ref.{name}"), states.iter().map(|s| s.a[k]).collect());
-        }
-        for (key, value) in [
-            ("excitation_period", self.motion.period_s.to_string()),
-            ("excitation_criterion", self.settings.criterion.name().to_string()),
-            ("excitation_seed", self.settings.seed.to_string()),
-        ] {
-            out.meta.other.insert(key.to_string(), value);
-        }
-        out
+/// A motion as a file has it: references of position, velocity and acceleration of every drive of `model` (the robot that it was found
+/// for), `samples` of them at `rate_hz` `[Hz]`; see [`samples`]. The file states what was improved, and the seed.
+#[must_use]
+pub fn references(motion: &Periodic, model: &Model, (criterion, seed): (Criterion, u64), samples: usize, rate_hz: f64) -> Recording {
+    let mut out = Recording { name: format!("{}, excitation", model.name), ..Recording::default() };
+    out.time = (0..samples).map(|i| i as f64 / rate_hz).collect();
+    let states = motion.states(model, &out.time);
+    for (k, &j) in model.actuators.iter().enumerate() {
+        let name = &model.joints[j].name;
+        out.signals.insert(format!("q_ref.{name}"), states.iter().map(|s| s.q[k]).collect());
+        out.signals.insert(format!("dq_ref.{name}"), states.iter().map(|s| s.v[k]).collect());
+        out.signals.insert(format!("ddq_ref.{name}"), states.iter().map(|s| s.a[k]).collect());
     }
+    for (key, value) in [
+        ("excitation_period", motion.period_s.to_string()),
+        ("excitation_criterion", criterion.name().to_string()),
+        ("excitation_seed", seed.to_string()),
+    ] {
+        out.meta.other.insert(key.to_string(), value);
+    }
+    out
 }
 
 /// Looks for a motion. `progress` is told the share done, 0 to 1, from several threads.

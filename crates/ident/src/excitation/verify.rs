@@ -11,7 +11,7 @@ use super::problem::Refused;
 use crate::factor::Factor;
 
 /// A bound where a motion comes nearest to it.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Margin {
     /// What is bounded.
     pub what: Bounded,
@@ -30,7 +30,7 @@ pub struct Margin {
 }
 
 /// How good a motion is.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Quality {
     /// Condition number of the columns that count at length one.
     pub condition: f64,

@@ -70,7 +70,10 @@ pub fn load(path: &Path) -> Result<Description, LoadError> {
     let toml_text = read_text(path)?;
     let spec = parse_spec(&toml_text, &path.display().to_string())?;
     let urdf_path = beside(path, &spec.urdf);
-    let urdf_text = read_text(&urdf_path)?;
+    let urdf_text = read_text(&urdf_path).map_err(|e| match e {
+        LoadError::Io { file, detail } => LoadError::Io { file, detail: format!("{detail} ({} names it)", path.display()) },
+        other => other,
+    })?;
     describe(spec, toml_text, urdf_text, [&path.display().to_string(), &urdf_path.display().to_string()])
 }
 

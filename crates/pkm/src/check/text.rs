@@ -23,6 +23,10 @@ pub(super) fn text(robot: &Robot, checked: &Checked) -> String {
         model.root
     )];
     section(&mut out, "Links with mass", links(model));
+    let without = without_mass(model);
+    if !without.is_empty() {
+        out.push(format!("  without mass, which the URDF's <inertial> gives: {}", without.join(", ")));
+    }
     section(&mut out, "Joints", joints(model, &checked.home_q));
     section(&mut out, "Loops", loops(model));
     section(&mut out, "Couplings", couplings(model));
@@ -92,6 +96,12 @@ fn links(model: &Model) -> Vec<Vec<String>> {
         ]
     };
     model.massive_links().iter().map(row).collect()
+}
+
+/// Links that joints move and that weigh nothing: frames between two axes of one place, or links whose `<inertial>` was forgotten.
+fn without_mass(model: &Model) -> Vec<String> {
+    let moved = model.links.iter().filter(|l| l.parameters.mass <= 0.0).filter_map(|l| Some((l, l.body?)));
+    moved.map(|(link, body)| format!("{} (moved by {})", link.name, model.joints[body].name)).collect()
 }
 
 fn joints(model: &Model, home: &[f64]) -> Vec<Vec<String>> {

@@ -315,3 +315,66 @@ fn a_workspace_that_cannot_be_asked_for() {
         refused(folder.path(), &all, parts);
     }
 }
+
+#[test]
+fn a_newcomers_mistakes_are_told_with_what_to_do() {
+    let folder = rig_with_recordings();
+    let at = folder.path();
+    fs::create_dir(at.join("robot")).unwrap();
+    refused(at, &["check", "./robot"], &["./robot: a folder", "there is no robot.toml in it"]);
+    fs::copy(at.join("rig.toml"), at.join("robot/robot.toml")).unwrap();
+    refused(at, &["check", "./robot"], &["a folder", "its robot is ./robot/robot.toml"]);
+    // The robot.toml alone: the URDF that it names stayed behind.
+    refused(at, &["check", "robot/robot.toml"], &["robot/rig.urdf: ", "robot/robot.toml names it"]);
+    refused(at, &["check", "rig.urdf"], &["rig.urdf: a URDF alone is no robot", "robot.toml that names it"]);
+    refused(at, &["check"], &["<ROBOT>", "(see `pkm check --help`)"]);
+    refused(at, &["diagnose", "rig.toml", "--recoding", "A.csv"], &["--recording", "(see `pkm diagnose --help`)"]);
+    refused(at, &["dignose"], &["dignose", "(see `pkm --help`)"]);
+}
+
+#[test]
+fn columns_that_are_there_are_told() {
+    let folder = with_bad(|first, lines| rename(first, lines, "tau.j1", "current.j1"));
+    for verb in ["diagnose", "identify"] {
+        refused(folder.path(), &[verb, "rig.toml", "--recording", "bad.csv"], &["no column \"tau.j1\"", "columns: current.j1, "]);
+    }
+    let folder = with_bad(|_, lines| lines.iter_mut().for_each(|line| *line = line.replace(',', ";")));
+    diagnosis_refused(folder.path(), "rig.toml", "bad.csv", &["no column t, the time in seconds", "must be separated by commas"]);
+}
+
+#[test]
+fn a_clock_in_milliseconds_is_doubted() {
+    let folder = with_bad(|first, lines| {
+        for line in &mut lines[first..] {
+            let (t, rest) = line.split_once(',').unwrap();
+            *line = format!("{},{rest}", 1e3 * t.parse::<f64>().unwrap());
+        }
+    });
+    let output = pkm(folder.path(), &["diagnose", "rig.toml", "--recording", "bad.csv"]);
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(told.contains("note: bad.csv: ") && told.contains("are these milliseconds? t is in seconds"), "{told}");
+    let output = pkm(folder.path(), &["diagnose", "rig.toml", "--recording", "A.csv"]);
+    assert!(!String::from_utf8(output.stderr).unwrap().contains("milliseconds"));
+}
+
+#[test]
+fn without_a_verb_the_help_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = pkm(folder.path(), &[]);
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(told.contains("Look at a robot:") && told.contains("pkm VERB --help") && output.stdout.is_empty(), "{told}");
+}
+
+#[test]
+fn links_that_weigh_nothing_are_named() {
+    let folder = rig_with_recordings();
+    let (from, to) = (RIG_URDF.find("<inertial>").unwrap(), RIG_URDF.find("</inertial>").unwrap() + "</inertial>".len());
+    fs::write(folder.path().join("rig.urdf"), format!("{}{}", &RIG_URDF[..from], &RIG_URDF[to..])).unwrap();
+    let told = prints(folder.path(), &["check", "rig.toml"]);
+    assert!(told.contains("without mass, which the URDF's <inertial> gives: ") && told.contains("(moved by "), "{told}");
+    let bare: Vec<&str> =
+        RIG_URDF.split("<inertial>").enumerate().map(|(k, p)| if k == 0 { p } else { p.split_once("</inertial>").unwrap().1 }).collect();
+    fs::write(folder.path().join("rig.urdf"), bare.concat()).unwrap();
+    assert!(prints(folder.path(), &["check", "rig.toml"]).contains("nothing can be identified"));
+}

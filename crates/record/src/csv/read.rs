@@ -96,7 +96,9 @@ impl Table {
     fn new(at: Place<'_>, header: &[u8], file_bytes: usize) -> Result<Self, ReadError> {
         let names = names(&at, at.utf8(header)?)?;
         let Some(time) = names.iter().position(|n| n == "t") else {
-            return Err(ReadError::MissingTime { file: at.file(), line: at.line, found: list(names.iter().map(String::as_str)) });
+            let is_one = |with: char| names.len() == 1 && names[0].contains(with);
+            let hint = if is_one(';') || is_one('\t') { ": fields must be separated by commas" } else { "" };
+            return Err(ReadError::MissingTime { file: at.file(), line: at.line, found: list(names.iter().map(String::as_str)), hint });
         };
         // A guess, bounded by the file itself: two bytes are the least a field takes.
         let rows = file_bytes / (2 * names.len().max(1)) / 4;
