@@ -23,6 +23,9 @@ use crate::{error, state};
 
 type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 
+/// A function and what it makes the object of.
+type Pickled<'py> = (Bound<'py, PyAny>, (Robot, Bound<'py, PyBytes>));
+
 /// A periodic motion of all drives, and how good it is: what `pkm.excite` returns. It never changes.
 #[pyclass(frozen, module = "pkm")]
 pub(crate) struct Excitation {
@@ -229,7 +232,7 @@ impl Excitation {
         Ok(Self { description, found })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Robot, Bound<'py, PyBytes>))> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Pickled<'py>> {
         let Self { description, found } = slf.get();
         let bytes = PyBytes::new(slf.py(), &state::to_bytes(found)?);
         Ok((slf.get_type().getattr("_from_bytes")?, (Robot::shared(Arc::clone(description)), bytes)))

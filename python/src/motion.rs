@@ -111,15 +111,14 @@ pub(crate) fn actuated_regressors(model: &Model, motion: &Motion, out: &mut [f64
     thread::scope(|scope| {
         let mut parts = out.chunks_mut(samples.max(1) * size.max(1)).enumerate();
         let own = parts.next();
-        let mut write = |(k, out): (usize, &mut [f64])| {
+        let write = |(k, out): (usize, &mut [f64])| {
             let from = k * samples;
             bulk.clone().write_all(motion.rows(from..from + out.len() / size), out);
         };
         for part in parts {
-            let write = write.clone();
             scope.spawn(move || write(part));
         }
-        own.map(&mut write);
+        own.map(write);
     });
     Ok(())
 }

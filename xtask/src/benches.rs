@@ -122,11 +122,11 @@ fn short() -> Result<(), String> {
 
 /// The page of ratios.
 fn summary(tables: &str) -> Result<String, String> {
-    let mut out = format!(
+    let mut out = String::from(
         "# Beside other programs\n\nRatios of our time to the other program's in one run on one machine; below one is faster. Written by\n\
          `cargo xtask benches`, which runs every measurement in turn; the full tables, with what was done and what was compared number by\n\
          number, are in benches/README.md. A commit with `+changes` had files that were not committed.\n\n\
-         | measurement | cases | fastest | median | slowest | slower in | commit |\n|---|---|---|---|---|---|---|\n"
+         | measurement | cases | fastest | median | slowest | slower in | commit |\n|---|---|---|---|---|---|---|\n",
     );
     let mut slower = String::new();
     let mut machines: Vec<String> = Vec::new();

@@ -93,7 +93,7 @@ fn add(sum: &mut [f64], part: &[f64]) {
 }
 
 fn push(out: &mut [Vec<f64>], held: &Held, dt: f64, wrench: impl Fn(&LinkState) -> [f64; 6]) {
-    let mut all = vec![Vec::with_capacity(held.position[0].len()); 6];
+    let mut all: [Vec<f64>; 6] = core::array::from_fn(|_| Vec::with_capacity(held.position[0].len()));
     for i in 0..held.position[0].len() {
         let w = wrench(&held.state(i, dt * i as f64));
         all.iter_mut().zip(w).for_each(|(series, w)| series.push(w));

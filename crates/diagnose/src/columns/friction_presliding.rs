@@ -32,7 +32,7 @@ impl Columns for Effect {
             let give = share * ctx.travel[k];
             let source = local(k, move |m, k| dahl(&m.segment.q[k], give));
             let shape = Shape::free(vec![source]).with(vec![give]);
-            if share > SHARES[0] { shape } else { shape.as_limit("friction that comes at once") }
+            if share > SHARES[0] { shape } else { shape.into_limit("friction that comes at once") }
         };
         let fitted = || ctx.motions.iter().filter(|m| m.segment.used != Use::Holdout);
         super::that_travel(ctx)

@@ -237,7 +237,7 @@ impl Shape {
     }
 
     /// Marks the shape as the one in which the law is nothing but `simpler`.
-    pub(crate) fn as_limit(mut self, simpler: &'static str) -> Self {
+    pub(crate) fn into_limit(mut self, simpler: &'static str) -> Self {
         self.limit = Some(simpler);
         self
     }
