@@ -151,6 +151,8 @@ mod tests {
         let clock = ManualClock::new(START_NS);
         let limits = WatchdogLimits::of_period(PERIOD_NS);
         let mut robot = Watchdog::try_new(Loopback::new(AXES, &clock), &clock, limits, SafeAction::new(SafeKind::Off)).expect("a robot");
+        // A command answers a state.
+        robot.read().expect("a first state");
         let mut moved = 0.0_f64;
         for bytes in whole::<{ CommandFrame::BYTES }>(&session()) {
             robot.write(&CommandFrame::from_bytes(&bytes)).expect("a session of its own");

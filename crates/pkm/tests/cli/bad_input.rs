@@ -221,7 +221,7 @@ fn files_that_are_not_there_and_folders_that_are() {
     diagnosis_refused(folder.path(), "lost.toml", "A.csv", &["lost.toml", "No such file"]);
     diagnosis_refused(folder.path(), "lost", "A.csv", &["lost", "no shipped robot", "prs3"]);
     diagnosis_refused(folder.path(), "rig.toml", "dir.csv", &["dir.csv", "directory"]);
-    diagnosis_refused(folder.path(), ".", "A.csv", &[".", "directory"]);
+    diagnosis_refused(folder.path(), ".", "A.csv", &[".", "a folder", "robot.toml"]);
     diagnosis_refused(folder.path(), "rig.toml", "rig.urdf", &["rig.urdf", ".csv, .mcap"]);
     refused(folder.path(), &["convert", "lost.csv", "x.mcap"], &["lost.csv"]);
     refused(folder.path(), &["convert", "A.csv", "no/such/x.mcap"], &["no/such/x.mcap"]);
