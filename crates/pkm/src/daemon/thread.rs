@@ -19,7 +19,7 @@ use super::setup::Setup;
 use super::{INTERNAL, IO, NOT_REALTIME, Stopped, robot};
 
 /// Longest time until the loop runs or says why not: a service that is locked costs a second.
-const BEGIN: Duration = Duration::from_secs(5);
+const BEGIN: Duration = Duration::from_secs(20);
 
 /// The running loop.
 pub(super) struct Worker {
@@ -41,7 +41,7 @@ impl Worker {
                 let why = self.join().err();
                 Err(why.unwrap_or_else(|| Stopped::new(INTERNAL, "the loop ended before it began")))
             }
-            Err(RecvTimeoutError::Timeout) => Err(Stopped::new(INTERNAL, "the loop did not begin within 5 s")),
+            Err(RecvTimeoutError::Timeout) => Err(Stopped::new(INTERNAL, "the loop did not begin within 20 s")),
         }
     }
 
