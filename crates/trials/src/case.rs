@@ -246,7 +246,7 @@ pub fn make(wish: &Wish) -> Result<Case, RobotError> {
 }
 
 /// Draws of something to conceal that the robot may fail to move with, at most.
-const DRAWS: usize = 5;
+const DRAWS: usize = 20;
 
 /// What is concealed, whether a patient moves, and the recordings' motions with it. What suits two motions may be too much for the third, whose
 /// loops then do not close: something else is drawn in its place.
@@ -258,12 +258,15 @@ fn conceal(
 ) -> Result<(Vec<Found>, bool, Vec<Trace>), RobotError> {
     let mut draws = 1;
     loop {
-        let concealed = bench.conceal(wish, scene, random)?;
-        let has_patient = wish.level == Level::L7 && random.chance(0.5);
-        match perform((base, references), (wish, &concealed), has_patient.then_some(&scene.facts[0]), random) {
-            Ok(traces) => return Ok((concealed, has_patient, traces)),
-            Err(problem) if draws == DRAWS => return Err(problem),
-            Err(_) => draws += 1,
+        let drawn = bench.conceal(wish, scene, random).and_then(|concealed| {
+            let has_patient = wish.level == Level::L7 && random.chance(0.5);
+            let patient = has_patient.then_some(&scene.facts[0]);
+            let traces = perform((base, references), (wish, &concealed), patient, random)?;
+            Ok((concealed, has_patient, traces))
+        });
+        match drawn {
+            Err(_) if draws < DRAWS => draws += 1,
+            drawn => return drawn,
         }
     }
 }
