@@ -146,10 +146,15 @@ pub(crate) fn noise_floor(work: &Work, left: &[Vec<Vec<f64>>]) -> f64 {
 /// Mean square of the part of a series that looks white, from second differences: [segment][row]. Rows in gaps hold what was put there in
 /// place of samples, which is smooth and would make the noise small.
 pub(crate) fn white_power(rows: &[Rows], x: &[Vec<f64>]) -> f64 {
+    white_power_where(rows, x, |rows, i| rows.valid[i])
+}
+
+/// The same of rows that count: those of which both neighbours do as well.
+pub(crate) fn white_power_where(rows: &[Rows], x: &[Vec<f64>], counts: impl Fn(&Rows, usize) -> bool) -> f64 {
     let (mut sum, mut n) = (0.0, 0_usize);
     for (rows, x) in rows.iter().zip(x) {
-        for (w, _) in x.windows(3).zip(rows.valid.windows(3)).filter(|(_, ok)| ok.iter().all(|v| *v)) {
-            let d = w[0] - 2.0 * w[1] + w[2];
+        for i in (1..x.len().saturating_sub(1)).filter(|&i| (i - 1..i + 2).all(|i| counts(rows, i))) {
+            let d = x[i - 1] - 2.0 * x[i] + x[i + 1];
             sum += d * d / 6.0;
             n += 1;
         }

@@ -14,7 +14,7 @@ use pkm_dyn::{Data, loops, math};
 
 use crate::evidence::Refined;
 use crate::explain::number;
-use crate::final_fit::errors;
+use crate::final_fit::{errors, white_power_where};
 use crate::settings::Settings;
 use crate::verdict::{Compensation, EffectAt, Estimate, Finding, LookAlike, Status, Verdict};
 use crate::work::Work;
@@ -153,20 +153,6 @@ fn period(q: &[Vec<f64>]) -> Option<(usize, usize)> {
     Some((bottom, n / bottom))
 }
 
-/// Power of white noise in what is left at a joint where it moves, from second differences of rows.
-fn white_power(work: &Work, joint: usize, left: &[Vec<f64>]) -> f64 {
-    let (mut sum, mut n) = (0.0, 0_usize);
-    for (rows, x) in work.design.rows.iter().zip(left) {
-        let counts = |i: usize| rows.valid[i] && rows.moving[joint][i];
-        for i in (1..x.len().saturating_sub(1)).filter(|&i| (i - 1..i + 2).all(counts)) {
-            let d = x[i - 1] - 2.0 * x[i] + x[i + 1];
-            sum += d * d / 6.0;
-            n += 1;
-        }
-    }
-    sum / n.max(1) as f64
-}
-
 fn scatter(work: &Work, left: &Left) -> Option<Scatter> {
     let d = &work.design;
     let n = work.robot.model.n_act();
@@ -214,7 +200,8 @@ fn scatter(work: &Work, left: &Left) -> Option<Scatter> {
     let (mut over_noise, mut power, mut all) = (0.0_f64, 0.0, 0.0);
     for (j, [scattered, total, count]) in sums.into_iter().enumerate().filter(|(_, s)| s[2] > 0.0) {
         let effort = efforts[j].effort * efforts[j].effort;
-        over_noise = over_noise.max(scattered / count / white_power(work, j, &left[j]).max(f64::MIN_POSITIVE));
+        let noise = white_power_where(&work.design.rows, &left[j], |rows, i| rows.valid[i] && rows.moving[j][i]);
+        over_noise = over_noise.max(scattered / count / noise.max(f64::MIN_POSITIVE));
         if effort > 0.0 {
             power += scattered / count / effort;
             all += total / count / effort;
