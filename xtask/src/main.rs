@@ -41,10 +41,15 @@ cargo xtask golden            the golden files of tests/, anew, with Pinocchio
 
 steps of `test`, in order:";
 
+/// What is asked for before a command's own arguments are read.
+const HELP: [&str; 2] = ["--help", "-h"];
+
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let rest: Vec<&str> = arguments.iter().skip(1).map(String::as_str).collect();
     let outcome = match arguments.first().map(String::as_str) {
+        // Further on it may be another program's: `bench -- --help`.
+        Some(command) if rest.first().is_some_and(|first| HELP.contains(first)) => help(command),
         Some("test") => checks::run_steps(&rest),
         Some("bench") => chores::bench(&rest),
         Some("peers") => peers::peers(&rest),
@@ -67,7 +72,7 @@ fn main() -> ExitCode {
             checks::list();
             Ok(())
         }
-        Some(other) => Err(format!("no command {other:?}; `cargo xtask` alone lists them")),
+        Some(other) => Err(unknown(other)),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -76,6 +81,25 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Prints what there is to say of one command.
+fn help(command: &str) -> Result<(), String> {
+    let about = USAGE.lines().find(|line| named(line) == Some(command));
+    println!("{}", about.ok_or_else(|| unknown(command))?);
+    if command == "test" {
+        checks::list();
+    }
+    Ok(())
+}
+
+/// The command that a line of the usage is about.
+fn named(line: &str) -> Option<&str> {
+    line.strip_prefix("cargo xtask ")?.split_whitespace().next()
+}
+
+fn unknown(command: &str) -> String {
+    format!("no command {command:?}; `cargo xtask` alone lists them")
 }
 
 fn none(rest: &[&str]) -> Result<(), String> {
