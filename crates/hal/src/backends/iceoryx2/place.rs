@@ -4,10 +4,11 @@ extern crate alloc;
 
 use alloc::format;
 use alloc::string::{String, ToString};
+use alloc::vec::Vec;
 use core::fmt;
 use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
 use std::io::{self, Read, Seek, Write};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use crate::checksum::{FNV_START, fnv1a};
@@ -34,6 +35,16 @@ pub enum SharedError {
         path: String,
         /// What is wrong.
         problem: String,
+        /// Who must own it.
+        uid: u32,
+    },
+    /// A file of this place in shared memory is not ours.
+    #[error("{path}: belongs to uid {found} (must be uid {uid}: others could command the robot; only they or root can remove it)")]
+    Foreign {
+        /// Which.
+        path: String,
+        /// Who owns it.
+        found: u32,
         /// Who must own it.
         uid: u32,
     },
@@ -200,13 +211,40 @@ impl Place {
     pub(super) fn sweep(&self) {
         // What cannot be removed shows when the service is made once more.
         let _ = fs::remove_dir_all(self.root());
+        for path in self.in_shared_memory() {
+            let _ = fs::remove_file(path);
+        }
+    }
+
+    /// Files of the library in shared memory that belong to this place.
+    #[must_use]
+    pub fn in_shared_memory(&self) -> Vec<PathBuf> {
         let prefix = self.prefix();
-        let Ok(entries) = fs::read_dir("/dev/shm") else { return };
-        for entry in entries.flatten() {
-            if entry.file_name().to_string_lossy().starts_with(&prefix) {
-                let _ = fs::remove_file(entry.path());
+        let Ok(entries) = fs::read_dir("/dev/shm") else { return Vec::new() };
+        let ours = entries.flatten().filter(|entry| entry.file_name().to_string_lossy().starts_with(&prefix));
+        ours.map(|entry| entry.path()).collect()
+    }
+
+    /// Shuts others out of the files in shared memory: the library leaves one of its own open to everybody, by intention.
+    ///
+    /// # Errors
+    /// One of them is somebody else's, who knew its name.
+    pub(super) fn shut(&self) -> Result<(), SharedError> {
+        let uid = rustix::process::geteuid().as_raw();
+        for path in self.in_shared_memory() {
+            // It may have gone meanwhile: that is as good.
+            let Ok(about) = fs::symlink_metadata(&path) else { continue };
+            if about.uid() != uid {
+                return Err(SharedError::Foreign { path: path.display().to_string(), found: about.uid(), uid });
+            }
+            if about.mode() & 0o077 != 0 {
+                match fs::set_permissions(&path, fs::Permissions::from_mode(0o600)) {
+                    Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(failed(&path, &e)),
+                    _ => {}
+                }
             }
         }
+        Ok(())
     }
 }
 

@@ -167,8 +167,12 @@ pub(super) fn node(place: &Place) -> Result<Node<ipc::Service>, SharedError> {
     let root = place.root().display().to_string();
     config.global.set_root_path(&Path::new(root.as_bytes()).map_err(|e| bad(&e))?);
     config.global.creation_timeout = CREATION;
+    place.shut()?;
     let builder = NodeBuilder::new().config(&config).signal_handling_mode(SignalHandlingMode::Disabled);
-    builder.create::<ipc::Service>().map_err(|e| bad(&e))
+    let node = builder.create::<ipc::Service>().map_err(|e| bad(&e))?;
+    // Once more: what it has just made, or what somebody made for it just before.
+    place.shut()?;
+    Ok(node)
 }
 
 /// A node for `role`, whose lock is held. Where files of an earlier node are broken, every file of the place is removed, unless somebody plays
