@@ -66,7 +66,12 @@ fn recorded(name: &str) -> Vec<u8> {
     recording.meta.other.insert("note".to_string(), "text".to_string());
     let file = Attachment { name: "robot.toml".to_string(), media_type: "application/toml".to_string(), bytes: b"name = 'x'".to_vec() };
     let controls = time.iter().zip(0..).map(|(t, k)| ControlStep::new(*t, k, &step())).collect();
-    let carried = Attachments { files: vec![file], keys: BTreeMap::from([("hash".to_string(), "abc".to_string())]), controls };
+    let carried = Attachments {
+        files: vec![file],
+        keys: BTreeMap::from([("hash".to_string(), "abc".to_string())]),
+        controls,
+        ..Attachments::default()
+    };
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join(name);
     pkm_record::write(&path, &recording, &carried).expect("a recording");

@@ -47,8 +47,17 @@ pub struct Attachments {
     pub files: Vec<Attachment>,
     /// Further metadata keys, such as a configuration hash; on reading they are in `Meta::other`.
     pub keys: BTreeMap<String, String>,
+    /// What wrote it, where that says more of itself than the version of this crate: the `version` of the file, which reading leaves out.
+    pub version: Option<String>,
     /// Steps of the controller, in order of time; CSV has no place for them. They are read by [`read_controls`].
     pub controls: Vec<ControlStep>,
+}
+
+impl Attachments {
+    /// What wrote the file.
+    fn version(&self) -> &str {
+        self.version.as_deref().unwrap_or(env!("CARGO_PKG_VERSION"))
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

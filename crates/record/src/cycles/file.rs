@@ -49,7 +49,7 @@ impl CycleFile {
         let shared = Shared(Arc::new(Mutex::new(stored)));
         let mut writer = WriteOptions::new()
             .profile("ros2")
-            .library(concat!("pkm ", env!("CARGO_PKG_VERSION")))
+            .library(format!("pkm {}", layout.carried.version()))
             .compression(Some(Compression::Lz4))
             // Threads of the compressor would take the loop's cores.
             .compression_threads(0)
@@ -113,7 +113,7 @@ const OVERHEAD: u64 = 31;
 fn record(layout: &Layout, keys: &BTreeMap<String, String>) -> BTreeMap<String, String> {
     let mut record = layout.carried.keys.clone();
     record.extend(keys.clone());
-    record.insert(meta::VERSION.to_string(), env!("CARGO_PKG_VERSION").to_string());
+    record.insert(meta::VERSION.to_string(), layout.carried.version().to_string());
     record.insert("clock_offset_ns".to_string(), layout.epoch_ns.to_string());
     if layout.carried.files.iter().any(|file| file.name == "controller.toml") {
         record.entry("controller".to_string()).or_insert_with(|| "controller.toml".to_string());

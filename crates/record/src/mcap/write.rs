@@ -10,10 +10,10 @@ use pkm_ident::Recording;
 
 use super::columns::{self, Kind, Slot};
 use super::{cdr, schema};
+use crate::Attachments;
 use crate::cycles::{ControlStep, encode_control};
 use crate::error::WriteError;
 use crate::meta::{self, Pair};
-use crate::{Attachment, Attachments};
 
 /// Bytes of a chunk before compression: what a broken-off file loses at most.
 const CHUNK: u64 = 128 << 10;
@@ -38,13 +38,13 @@ pub(crate) fn write(file: &str, out: &mut File, recording: &Recording, extra: (V
     let offset = offset_seconds(file, recording)?;
     let stamps = stamps(file, recording, offset)?;
     let mut record: BTreeMap<String, String> = pairs.into_iter().map(|p| (p.key, p.text)).collect();
-    record.insert(meta::VERSION.to_string(), env!("CARGO_PKG_VERSION").to_string());
+    record.insert(meta::VERSION.to_string(), carried.version().to_string());
     if offset != 0 {
         record.insert(meta::TIME_OFFSET.to_string(), offset.to_string());
     }
     let failed = |e: McapError| WriteError::Io { file: file.to_string(), detail: e.to_string() };
     let steps = control_stamps(file, &carried.controls, offset)?;
-    messages(out, (recording, &stamps), record, (&carried.files, &steps)).map_err(failed)
+    messages(out, (recording, &stamps), record, (carried, &steps)).map_err(failed)
 }
 
 /// Whole seconds that make every stamp of the recording positive when taken away.
@@ -79,18 +79,18 @@ fn messages(
     out: &mut File,
     samples: (&Recording, &[i64]),
     record: BTreeMap<String, String>,
-    (files, steps): (&[Attachment], &[(i64, &ControlStep)]),
+    (carried, steps): (&Attachments, &[(i64, &ControlStep)]),
 ) -> Result<(), McapError> {
     let (recording, stamps) = samples;
     let mut writer = WriteOptions::new()
         .profile("ros2")
-        .library(concat!("pkm ", env!("CARGO_PKG_VERSION")))
+        .library(format!("pkm {}", carried.version()))
         .compression(Some(Compression::Lz4))
         .compression_threads(0)
         .chunk_size(Some(CHUNK))
         .create(BufWriter::new(out))?;
     writer.write_metadata(&Metadata { name: super::RECORD.to_string(), metadata: record })?;
-    for file in files {
+    for file in &carried.files {
         let (name, media_type) = (file.name.clone(), file.media_type.clone());
         writer.attach(&::mcap::Attachment { log_time: 0, create_time: 0, name, media_type, data: file.bytes.as_slice().into() })?;
     }
