@@ -46,6 +46,9 @@ use std::sync::Once;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
+/// What this program is: its version, and the commit it was built from where that is known (build.rs).
+pub(crate) const VERSION: &str = env!("PKM_VERSION");
+
 /// Exit code of a mistake in pkm itself.
 const INTERNAL: u8 = 70;
 
@@ -117,7 +120,7 @@ where it takes a file, `--json -` does. Colours are for terminals, and NO_COLOR 
 
 /// Models of parallel robots, and what their recordings say is missing from them.
 #[derive(Debug, Parser)]
-#[command(name = "pkm", version, help_template = HELP, subcommand_value_name = "VERB", disable_help_subcommand = true)]
+#[command(name = "pkm", version = VERSION, help_template = HELP, subcommand_value_name = "VERB", disable_help_subcommand = true)]
 struct Cli {
     /// What to do.
     #[command(subcommand)]

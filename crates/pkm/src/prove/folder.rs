@@ -188,7 +188,7 @@ impl Folder {
 
     /// Writes the scores.
     pub(super) fn write_scores(&self, marks: &[Marks], table: &str, page: &str) -> anyhow::Result<String> {
-        let results = json!({"schema": "pkm.proof/1", "pkm": env!("CARGO_PKG_VERSION"), "cases": marks});
+        let results = json!({"schema": "pkm.proof/1", "pkm": crate::VERSION, "cases": marks});
         let results = serde_json::to_string_pretty(&results)? + "\n";
         write(&self.root.join("results.json"), &results)?;
         write(&self.root.join("results.md"), table)?;

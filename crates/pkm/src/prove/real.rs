@@ -40,7 +40,7 @@ pub(super) fn run(data: &Path, to: &Path, (timeout, stop): (f64, &AtomicBool), q
 
 fn save(outcomes: &[Outcome], to: &Path) -> anyhow::Result<()> {
     fs::create_dir_all(to).with_context(|| to.display().to_string())?;
-    let results = json!({"schema": "pkm.proof_real/1", "pkm": env!("CARGO_PKG_VERSION"), "robots": outcomes});
+    let results = json!({"schema": "pkm.proof_real/1", "pkm": crate::VERSION, "robots": outcomes});
     write(&to.join("real.json"), &(serde_json::to_string_pretty(&results)? + "\n"))?;
     write(&to.join("real.md"), &table(outcomes))
 }

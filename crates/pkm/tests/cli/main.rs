@@ -19,4 +19,5 @@ mod settle;
 mod simulate;
 mod twin;
 mod verbs;
+mod version;
 mod world;
