@@ -9,11 +9,19 @@ use anyhow::Context;
 /// # Errors
 /// When the output refuses, a full disk say. A reader who has gone away is none: `pkm effects | head` is in order.
 pub(crate) fn say(text: &str) -> anyhow::Result<()> {
+    show(text).map(|_| ())
+}
+
+/// As [`say`]; whether there is somebody to read more.
+///
+/// # Errors
+/// When the output refuses.
+pub(crate) fn show(text: &str) -> anyhow::Result<bool> {
     let mut out = std::io::stdout().lock();
     let written = out.write_all(text.as_bytes()).and_then(|()| out.write_all(b"\n")).and_then(|()| out.flush());
     match written {
-        Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(()),
-        other => other.context("standard output"),
+        Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(false),
+        other => other.map(|()| true).context("standard output"),
     }
 }
 

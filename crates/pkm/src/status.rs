@@ -1,6 +1,9 @@
 //! `pkm status`: what a running daemon does, how late it is, and why it did what it did.
 
+use alloc::sync::Arc;
+use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
+use std::io::ErrorKind;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -16,18 +19,24 @@ use crate::out;
 /// Time between two looks with `--watch`.
 const EVERY: Duration = Duration::from_millis(500);
 
+/// Parts of it after each of which Ctrl-C is looked for.
+const PARTS: u32 = 25;
+
 /// Transitions that are shown.
 const SHOWN: usize = 8;
 
 /// Arguments of `pkm status`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
+`--watch` looks twice a second, a block a look, until the daemon ends, Ctrl-C, or the reader of the pipe goes away: all of that is exit 0.
+
 Exit codes: 0 done, 74 no daemon answers, 78 the configuration is wrong.
 
 Examples:
   pkm status
   pkm status --json
-  pkm status --watch --config daemon.toml")]
+  pkm status --watch --config daemon.toml
+  pkm status --watch --json | jq -c '[.phase, .overruns]'")]
 pub(crate) struct Args {
     /// The daemon's own daemon.toml [default: the shipped example].
     #[arg(long, value_name = "FILE")]
@@ -46,29 +55,55 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         Ok(directory) => directory,
         Err(e) => return Ok(refuse(CONFIGURATION, &format!("{e:#}"))),
     };
-    let mut has_looked = false;
+    // Only who watches has an end of its own to come to.
+    let is_over = if args.watch { listen().context("signals")? } else { Arc::default() };
+    let mut looks = 0_u64;
     loop {
         let answer = match control::ask(&directory, "status") {
             Ok(answer) => answer,
-            Err(_) if has_looked => return Ok(ExitCode::SUCCESS),
+            // It has ended; one that is there and silent has not.
+            Err(e) if looks > 0 && !is_silence(&e) => return Ok(ExitCode::SUCCESS),
             Err(e) => {
-                return Ok(refuse(
-                    IO,
-                    &format!("{}: no daemon answers: {e} (`pkm daemon` starts one)", directory.join(control::SOCKET).display()),
-                ));
+                let socket = directory.join(control::SOCKET);
+                return Ok(refuse(IO, &format!("{}: no daemon answers: {e} (`pkm daemon` starts one)", socket.display())));
             }
         };
-        if args.json {
-            out::say(&answer)?;
+        let is_read = if args.json {
+            out::show(&answer)?
         } else {
-            out::say(&text(&serde_json::from_str(&answer).context("the daemon's answer")?))?;
-        }
-        if !args.watch {
+            let gap = if looks > 0 { "\n" } else { "" };
+            out::show(&format!("{gap}{}", text(&serde_json::from_str(&answer).context("the daemon's answer")?)))?
+        };
+        looks += 1;
+        if !args.watch || !is_read || !wait(&is_over) {
             return Ok(ExitCode::SUCCESS);
         }
-        has_looked = true;
-        std::thread::sleep(EVERY);
     }
+}
+
+/// A flag that Ctrl-C and SIGTERM set.
+fn listen() -> std::io::Result<Arc<AtomicBool>> {
+    let is_over = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register(signal, Arc::clone(&is_over))?;
+    }
+    Ok(is_over)
+}
+
+/// Waits for the next look; whether there is to be one.
+fn wait(is_over: &AtomicBool) -> bool {
+    for _ in 0..PARTS {
+        if is_over.load(Ordering::Relaxed) {
+            return false;
+        }
+        std::thread::sleep(EVERY / PARTS);
+    }
+    !is_over.load(Ordering::Relaxed)
+}
+
+/// Whether somebody took the request and said nothing.
+fn is_silence(e: &std::io::Error) -> bool {
+    matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut)
 }
 
 /// A status for people.
