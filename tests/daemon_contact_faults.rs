@@ -6,17 +6,17 @@
 #[path = "daemon/rig.rs"]
 mod rig;
 
+#[path = "daemon/limb.rs"]
+mod limb;
+
 use core::fmt::Write as _;
 use std::path::PathBuf;
 
+use limb::{LIMB, robot};
 use pkm_daemon::config::Settings;
 use pkm_daemon::{Order, OrderKind};
-use pkm_dyn::effects::Robot;
-use pkm_dyn::urdf::parse;
 use pkm_hal::cycle::flags;
-use pkm_hal::{Backend, Cause, Fault, FaultyHal, Injection, Limiter, ManualClock, Phase, Signal, Watchdog, WatchdogLimits};
-use pkm_sim::sensors::ForceCell;
-use pkm_sim::{ConstrainedOptions, Paced, PlantKind, SimBackend, SimOptions};
+use pkm_hal::{Backend, Cause, Fault, FaultyHal, Injection, ManualClock, Phase, Signal};
 use rig::{Guarded, Rig, controller};
 
 /// Reads until a fault begins: the law of contact has run for a while.
@@ -29,11 +29,6 @@ const LASTING: u64 = 150;
 
 /// Largest force of the environment `[N]`; its moment is not limited.
 const LIMIT: f64 = 300.0;
-
-const SENSOR: &str = "\n[[sensor]]\nname = \"foot\"\nkind = \"wrench\"\nlink = \"platform\"\n";
-
-/// A leg that rests on the plate.
-const LIMB: &str = "\n[[effect]]\nname = \"limb_impedance\"\nwhere = [\"platform\"]\nparameters = { stiffness = 500.0, damping = 50.0 }\n";
 
 /// A measured force moves the plate as it would move 40 kg on a spring.
 const LAW: &str = "\
@@ -113,19 +108,6 @@ fn cases() -> Vec<Case> {
     ]
 }
 
-fn robot(more: &str) -> Robot {
-    let shipped = pkm_robots::find("prs3").expect("a shipped robot");
-    let toml = format!("{}{SENSOR}{more}", shipped.toml);
-    parse(&toml, shipped.urdf, [shipped.toml_name, shipped.urdf_name]).expect("it loads").robot
-}
-
-fn settings(robot: &Robot) -> Settings {
-    let text =
-        rig::CONFIG.replace("[limits]\n", &format!("[limits]\nforce = {LIMIT:?}\n")).replace("[hal]\n", "[hal]\nwrench = \"foot\"\n");
-    let config = pkm_daemon::DaemonConfig::parse(&text, "daemon.toml").expect("the example");
-    config.settings(&robot.model, 200.0).expect("the example fits")
-}
-
 /// The robot with its limb, and a push `[N]` for as long as a fault lasts.
 fn guarded<'c>(case: &Case, settings: &Settings, clock: &'c ManualClock) -> Guarded<'c> {
     let [from, to] = [FAULT_AT, FAULT_AT + case.periods].map(|n| n as f64 * 1e-9 * PERIOD_NS as f64);
@@ -133,21 +115,7 @@ fn guarded<'c>(case: &Case, settings: &Settings, clock: &'c ManualClock) -> Guar
         "\n[[effect]]\nname = \"external_force\"\nwhere = [\"platform\"]\nparameters = {{ start = {from}, end = {to}, fz = {:?} }}\n",
         case.push
     );
-    let real = robot(&format!("{LIMB}{push}"));
-    let kind = PlantKind::Constrained(ConstrainedOptions { end_stops: Some(0.0), ..ConstrainedOptions::default() });
-    let plant = kind.build(&real, 1, &[0.14, 0.15, 0.16], &[0.0; 3]).expect("it closes");
-    let options = SimOptions { period_ns: PERIOD_NS, substeps: 10, encoder_resolution: 1e-6, encoder_noise: 1e-6, ..SimOptions::default() };
-    let mut device = SimBackend::of_robot(plant, &real, &options).expect("three drives");
-    device.add_wrench(0, core::array::from_fn(|i| ForceCell::new(options.effort, 1, 200 + i))).expect("this plant feels");
-    let device = Paced::try_new(device, clock, PERIOD_NS).expect("a state");
-    let watched = WatchdogLimits {
-        late_ns: settings.limits.gate.late_ns,
-        stale_ns: settings.limits.gate.stale_ns,
-        ahead_ns: PERIOD_NS,
-        horizon_ns: 2 * settings.limits.valid_for_ns,
-    };
-    let device = Limiter::try_new(device, &settings.axes).expect("sensible limits");
-    Watchdog::try_new(device, clock, watched, settings.limits.safe).expect("a bounded action")
+    limb::guarded(&robot(&format!("{LIMB}{push}")), settings, clock)
 }
 
 type Hal<'c, 's> = FaultyHal<'s, Guarded<'c>>;
@@ -180,7 +148,7 @@ struct Outcome {
 fn outcome(case: &Case) -> Outcome {
     let clock = ManualClock::new(0);
     let robot = robot("");
-    let settings = settings(&robot);
+    let settings = limb::settings(&robot, LIMIT);
     let script: Vec<Injection> = case.fault.iter().map(|&fault| Injection { from: FAULT_AT, to: FAULT_AT + case.periods, fault }).collect();
     let hal = FaultyHal::new(guarded(case, &settings, &clock), &script);
     let mut rig: Rig<'_, Hal<'_, '_>> = Rig::new(hal, robot, settings, &clock);

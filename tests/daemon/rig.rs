@@ -49,7 +49,9 @@ pub(crate) fn controller(robot: &Robot) -> Box<dyn Running> {
 pub(crate) fn guarded<C: Clock + Copy>(robot: &Robot, settings: &Settings, start: &[f64], clock: C) -> GuardedBy<C> {
     let plant = PlantKind::Reduced.build(robot, 1, start, &vec![0.0; start.len()]).expect("it closes");
     let period_ns = settings.limits.period_ns;
-    let options = SimOptions { period_ns, substeps: 10, encoder_resolution: 1e-6, encoder_noise: 1e-6, ..SimOptions::default() };
+    // Steps of half a millisecond at most.
+    let substeps = u32::try_from(period_ns.div_ceil(500_000)).expect("a short period");
+    let options = SimOptions { period_ns, substeps, encoder_resolution: 1e-6, encoder_noise: 1e-6, ..SimOptions::default() };
     let device = Paced::try_new(SimBackend::of_robot(plant, robot, &options).expect("three drives"), clock, period_ns).expect("a state");
     let watched = WatchdogLimits {
         late_ns: settings.limits.gate.late_ns,

@@ -95,7 +95,7 @@ pub fn daemon_toml(bytes: &[u8]) {
         Ok(config) => config,
         Err(e) => return one_line(&e),
     };
-    for rate_hz in [200.0, 1.0, 20_000.0, f64::NAN] {
+    for rate_hz in [200.0, 100.0, 4000.0, 1.0, 20_000.0, f64::NAN] {
         match config.settings(&robot.model, rate_hz) {
             Ok(settings) => built(&settings, robot.model.n_act()),
             Err(e) => one_line(&e),

@@ -1,6 +1,7 @@
 //! A daemon.toml: read whole and checked whole before anything is opened; layout in docs/FORMATS.md.
 
 mod buildable;
+mod contact;
 mod layout;
 #[cfg(test)]
 mod tests;
@@ -24,7 +25,7 @@ const MAX_BYTES: u64 = 1 << 20;
 const FIRMEST: f64 = 0.2;
 
 /// Slowest and fastest loop `[Hz]`.
-const RATES_HZ: [f64; 2] = [1.0, 20_000.0];
+pub const RATES_HZ: [f64; 2] = [100.0, crate::grid::FASTEST_HZ as f64];
 
 /// Why a file is no daemon's: one line that names file, line, key, value and what is allowed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -73,6 +74,8 @@ pub struct Settings {
     pub black_box_s: f64,
     /// Number of the model's wrench sensor that the robot's first six sensors are.
     pub wrench: Option<usize>,
+    /// How long the law of contact or the exercise runs before it holds by itself `[s]`; none: until it is stopped.
+    pub length_s: Option<f64>,
 }
 
 /// Name and text of a daemon.toml.
@@ -135,6 +138,12 @@ impl DaemonConfig {
         self.layout.directory.as_ref().map(|d| PathBuf::from(d.get_ref()))
     }
 
+    /// Whose processes may be sides: a user and a group, names or numbers.
+    #[must_use]
+    pub fn owners(&self) -> [Option<&str>; 2] {
+        [&self.layout.user, &self.layout.group].map(|key| key.as_ref().map(|name| name.get_ref().as_str()))
+    }
+
     /// Where the robot is.
     #[must_use]
     pub fn hal(&self) -> HalKind {
@@ -148,6 +157,8 @@ impl DaemonConfig {
             "robot" => Some(self.layout.robot.span()),
             "controller" => Some(self.layout.controller.span()),
             "directory" => self.layout.directory.as_ref().map(toml::Spanned::span),
+            "user" => self.layout.user.as_ref().map(toml::Spanned::span),
+            "group" => self.layout.group.as_ref().map(toml::Spanned::span),
             "motion" => self.layout.run.motion.as_ref().map(toml::Spanned::span),
             "run.controller" => self.layout.run.controller.as_ref().map(toml::Spanned::span),
             _ => None,
@@ -169,7 +180,8 @@ impl DaemonConfig {
             return Err(self.about("robot", &format!("it has {n} drives (must be 1 to {MAX_AXES})")));
         }
         if !(RATES_HZ[0]..=RATES_HZ[1]).contains(&rate_hz) {
-            return Err(self.about("controller", &format!("its rate is {rate_hz} Hz (must be {} to {})", RATES_HZ[0], RATES_HZ[1])));
+            let (name, [low, high]) = (self.controller(), RATES_HZ);
+            return Err(self.about("controller", &format!("{name:?} has rate_hz = {rate_hz} (must be {low} to {high} Hz)")));
         }
         let at = Reader { config: self, model, period: 1.0 / rate_hz };
         let axes = at.axes()?;
@@ -187,7 +199,8 @@ impl DaemonConfig {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked: whole and in range")]
         let (priority, cpu) = (priority as u8, cpu.map(|cpu| cpu as usize));
         let black_box_s = at.number("black_box_s", self.layout.black_box_s.as_ref(), 5.0, [0.1, 600.0], "s")?;
-        Ok(Settings { limits, axes, realtime: self.layout.realtime, cpu, priority, black_box_s, wrench: at.wrench()? })
+        let (wrench, length_s) = (at.wrench()?, at.length_s()?);
+        Ok(Settings { limits, axes, realtime: self.layout.realtime, cpu, priority, black_box_s, wrench, length_s })
     }
 }
 
@@ -383,27 +396,6 @@ impl Reader<'_> {
             return Err(self.config.error(0, format!("{key} is missing (safe.kind damps with it)")));
         }
         Ok(action)
-    }
-
-    /// Largest force and moment of the environment; what nobody measures cannot be limited.
-    fn contact(&self) -> Result<[f64; 2], ConfigError> {
-        let (l, is_measured) = (&self.config.layout.limits, self.config.layout.hal.wrench.is_some());
-        let one = |key: &str, stated: Option<&toml::Spanned<f64>>, unit: &str| {
-            if let Some(stated) = stated.filter(|_| !is_measured) {
-                let problem = format!("{key} = {}: no wrench is measured (hal.wrench names the sensor)", stated.get_ref());
-                return Err(self.config.error(stated.span().start, problem));
-            }
-            self.number(key, stated, f64::INFINITY, [f64::MIN_POSITIVE, f64::INFINITY], unit)
-        };
-        Ok([one("limits.force", l.force.as_ref(), "N")?, one("limits.moment", l.moment.as_ref(), "N·m")?])
-    }
-
-    fn wrench(&self) -> Result<Option<usize>, ConfigError> {
-        let Some(stated) = &self.config.layout.hal.wrench else { return Ok(None) };
-        let found = self.model.sensors.iter().position(|sensor| sensor.name == *stated.get_ref());
-        let names: Vec<&str> = self.model.sensors.iter().map(|sensor| sensor.name.as_str()).collect();
-        let problem = format!("hal.wrench: the robot has no sensor {:?} (there are: {})", stated.get_ref(), names.join(", "));
-        found.map(Some).ok_or_else(|| self.config.error(stated.span().start, problem))
     }
 }
 

@@ -60,8 +60,11 @@ impl Grid {
     }
 }
 
-/// Room for the periods of a second at the fastest rate there is.
-const WORDS: usize = 20_000_usize.div_ceil(64);
+/// Fastest loop `[Hz]`.
+pub const FASTEST_HZ: u32 = 4000;
+
+/// Room for the periods of a second of it.
+const WORDS: usize = (FASTEST_HZ as usize).div_ceil(64);
 
 /// Share of the last second's periods that ended late, one bit each.
 #[derive(Debug, Clone, Copy)]

@@ -18,6 +18,7 @@ pub mod histogram;
 pub mod machine;
 pub mod motion;
 pub mod order;
+pub mod owners;
 pub mod realtime;
 pub mod runner;
 pub mod status;

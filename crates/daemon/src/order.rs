@@ -66,13 +66,16 @@ pub struct Order {
     pub motion: Option<Box<dyn Motion>>,
     /// Phase in which it is played.
     pub phase: Phase,
+    /// How long a law of contact or an exercise runs that is played without a motion `[s]`; none: until it is stopped.
+    pub length_s: Option<f64>,
 }
 
 impl Order {
     /// An order that needs nothing.
     #[must_use]
     pub fn plain(kind: OrderKind, id: u64) -> Self {
-        Self { kind, id, cause: Cause::Order, nonce: 0, controller: None, hold: None, motion: None, phase: Phase::Position }
+        let (controller, hold, motion, phase, length_s) = (None, None, None, Phase::Position, None);
+        Self { kind, id, cause: Cause::Order, nonce: 0, controller, hold, motion, phase, length_s }
     }
 }
 

@@ -35,6 +35,9 @@ pub trait Workshop {
     /// The phase in which it is played.
     fn phase(&self) -> Phase;
 
+    /// How long a law of contact or an exercise runs that is played without a motion `[s]`; none: until it is stopped.
+    fn length_s(&self) -> Option<f64>;
+
     /// A number that no session had before, and not zero.
     fn nonce(&mut self) -> u64;
 }
@@ -154,7 +157,7 @@ impl<C: CycleSource, W: Workshop, R: Reporter> Supervisor<C, W, R> {
                 order.controller = self.workshop.run();
                 order.hold = if order.controller.is_some() { self.workshop.hold() } else { None };
                 order.motion = self.workshop.motion();
-                order.phase = self.workshop.phase();
+                (order.phase, order.length_s) = (self.workshop.phase(), self.workshop.length_s());
             }
             OrderKind::Stop | OrderKind::SafeStop | OrderKind::ClearFault | OrderKind::Off => {}
         }

@@ -21,6 +21,8 @@ pub(super) struct File {
     pub(super) robot: Spanned<String>,
     pub(super) controller: Spanned<String>,
     pub(super) directory: Option<Spanned<String>>,
+    pub(super) user: Option<Spanned<String>>,
+    pub(super) group: Option<Spanned<String>>,
     #[serde(default)]
     pub(super) realtime: Policy,
     pub(super) black_box_s: Option<Spanned<f64>>,
@@ -120,4 +122,5 @@ pub(super) struct Home {
 pub(super) struct Run {
     pub(super) controller: Option<Spanned<String>>,
     pub(super) motion: Option<Spanned<String>>,
+    pub(super) length_s: Option<Spanned<f64>>,
 }

@@ -59,14 +59,22 @@ fn every_refusal_names_file_line_key_value_and_limit() {
         ),
         ("damping = 500.0", "damping = 500.0\neffort = 1.7976931348623157e308", "d.toml:11: safe.effort = 179769313486231570"),
         ("controller = \"controller.toml\"\n", "", "d.toml:1: missing field `controller`"),
+        ("[safe]", "[run]\nlength_s = 9\n[safe]", "d.toml:9: run.length_s = 9: nothing runs"),
+        ("[safe]", "[run]\nlength_s = 9\nmotion = \"m.csv\"\n[safe]", "d.toml:9: run.length_s = 9: run.motion has"),
+        ("[safe]", "[run]\ncontroller = \"c\"\nlength_s = 0\n[safe]", "d.toml:10: run.length_s = 0 (must be 0.001 to 86400 s)"),
     ] {
         let told = with(from, to);
         assert!(told.starts_with(want), "{told}\nnot {want}");
         assert_eq!(told.lines().count(), 1);
     }
     let config = DaemonConfig::parse(GOOD, "d.toml").unwrap();
-    let told = config.settings(&model(), 1e6).expect_err("too fast").to_string();
-    assert_eq!(told, "d.toml:2: controller: its rate is 1000000 Hz (must be 1 to 20000)");
+    for rate in [100.0, 4000.0] {
+        assert!(config.settings(&model(), rate).is_ok(), "{rate} Hz");
+    }
+    for rate in [99.9, 4000.1, 1e6, 0.0, f64::NAN] {
+        let told = config.settings(&model(), rate).expect_err("out of range").to_string();
+        assert_eq!(told, format!("d.toml:2: controller: \"controller.toml\" has rate_hz = {rate} (must be 100 to 4000 Hz)"));
+    }
 }
 
 #[test]

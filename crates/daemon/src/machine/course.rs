@@ -13,6 +13,8 @@ pub(super) enum Course {
     Go { way: Move, time: Time },
     /// A motion.
     Play { motion: Box<dyn Motion>, time: Time },
+    /// Where a law of contact or an exercise leads, for so long `[s]`; without a length until it is stopped.
+    Led { time: Time, length: Option<f64> },
 }
 
 /// Time of a course, which passes at `rate`; that falls from 1 to 0 while it is stopped.
@@ -68,13 +70,14 @@ impl Course {
                 slow(wanted, time.rate, bend);
                 progress
             }
+            Self::Led { time, length } => time.pass(dt, stop_s, *length).1,
         }
     }
 
-    /// Time into the motion that is played `[s]`.
+    /// Time into the motion, the law of contact or the exercise `[s]`.
     pub(super) const fn time(&self) -> f64 {
         match self {
-            Self::Play { time, .. } => time.t,
+            Self::Play { time, .. } | Self::Led { time, .. } => time.t,
             Self::Stand | Self::Go { .. } => 0.0,
         }
     }

@@ -83,7 +83,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
             self.is_first = true;
         }
         self.gate.begin();
-        self.replace_course(Course::Stand);
+        self.replace_course(if is_contact { Course::Led { time: Time::BEGIN, length: order.length_s } } else { Course::Stand });
         if let Some(mut motion) = order.motion.take() {
             let mut first = self.wanted;
             motion.at(0.0, &mut first);
@@ -100,7 +100,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
             Course::Go { time, .. } | Course::Play { time, .. } => time.is_stopping = true,
             Course::Stand if self.phase == Phase::Holding => {}
             // Under a law of contact it stands where it is.
-            Course::Stand => self.hold_here(Cause::Order),
+            Course::Stand | Course::Led { .. } => self.hold_here(Cause::Order),
         }
     }
 
