@@ -18,7 +18,7 @@ use std::process::ExitCode;
 use pkm_daemon::OrderKind;
 use pkm_daemon::black_box::BlackBox;
 use pkm_daemon::control::{Door, Request};
-use pkm_daemon::realtime::Policy;
+use pkm_daemon::realtime::{Grants, Policy};
 use pkm_daemon::status::Status;
 use pkm_daemon::supervisor::{Reporter, Supervisor, lines};
 use pkm_hal::backends::iceoryx2::{Place, Role, SharedError};
@@ -28,6 +28,7 @@ use serde_json::json;
 
 use crate::out;
 use notify::Notify;
+use recording::Recorded;
 use report::OnTerminal;
 use setup::Setup;
 use workshop::FromFiles;
@@ -67,7 +68,8 @@ Examples:
   pkm daemon daemon.toml
   pkm daemon --seconds 10 --start
   pkm daemon daemon.toml --record runs
-  pkm daemon daemon.toml --record runs --live 8765     # and look at ws://localhost:8765")]
+  pkm daemon daemon.toml --record runs --live 8765     # and look at ws://localhost:8765
+  pkm daemon --seconds 10 --start --json | jq .status.latency")]
 pub(crate) struct Args {
     /// A daemon.toml [default: the shipped example].
     config: Option<PathBuf>,
@@ -82,7 +84,10 @@ pub(crate) struct Args {
     seconds: Option<f64>,
     #[command(flatten)]
     recording: recording::RecordArgs,
-    /// Print nothing but errors.
+    /// Print one JSON object when it has ended, and everything else on standard error.
+    #[arg(long)]
+    json: bool,
+    /// Print nothing but errors, and what --json asks for.
     #[arg(long, short)]
     quiet: bool,
 }
@@ -97,7 +102,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Ok(refuse(CONFIGURATION, "--start: only a simulated robot moves by itself (`pkm order arm`, `pkm order start`)"));
     }
     if args.check {
-        return tell(&setup);
+        return tell(&setup, args.json);
     }
     match serve(args, &setup) {
         Ok(code) => Ok(code),
@@ -121,7 +126,7 @@ impl From<SharedError> for Stopped {
     fn from(error: SharedError) -> Self {
         let code = match error {
             SharedError::Busy { .. } | SharedError::Service { .. } => BUSY,
-            SharedError::NotPrivate { .. } => CONFIGURATION,
+            SharedError::NotPrivate { .. } | SharedError::Foreign { .. } => CONFIGURATION,
             _ => IO,
         };
         Self::new(code, error)
@@ -134,8 +139,19 @@ pub(crate) fn refuse(code: u8, problem: &str) -> ExitCode {
     ExitCode::from(code)
 }
 
-fn tell(setup: &Setup) -> anyhow::Result<ExitCode> {
+/// What a configuration that is in order comes to.
+fn tell(setup: &Setup, is_json: bool) -> anyhow::Result<ExitCode> {
     let model = &setup.robot.robot.model;
+    if is_json {
+        let run = setup.run.as_ref().map(|run| &run.law);
+        let (drives, rate_hz, is_simulated) = (model.n_act(), setup.hold.rate_hz, setup.is_simulated());
+        out::say(
+            &json!({"schema": "pkm.daemon_check/1", "robot": model.name, "drives": drives, "law": setup.hold.law, "runs": run,
+                "rate_hz": rate_hz, "is_simulated": is_simulated})
+            .to_string(),
+        )?;
+        return Ok(ExitCode::SUCCESS);
+    }
     let run = setup.run.as_ref().map_or(String::new(), |run| format!(", runs {}", run.law));
     let rate = setup.hold.rate_hz;
     out::say(&format!("{}: {} drives, {} at {} Hz{run}; {:?}", model.name, model.n_act(), setup.hold.law, rate, setup.config.hal()))?;
@@ -174,6 +190,7 @@ type Keeper = Supervisor<RingSource, FromFiles, OnTerminal>;
 
 /// From the lock to the last black box.
 fn serve(args: &Args, setup: &Arc<Setup>) -> Result<ExitCode, Stopped> {
+    setup.admit()?;
     let directory = setup.directory();
     let place = Place::try_new(&directory)?;
     // The first thing: a second daemon is told in no time, and touches nothing.
@@ -188,20 +205,16 @@ fn serve(args: &Args, setup: &Arc<Setup>) -> Result<ExitCode, Stopped> {
     let (record_sink, recording) = args.recording.begin(setup, room)?;
     let worker = thread::start(Arc::clone(setup), place.clone(), lock, (sink, record_sink), loop_ends)?;
     let (worker, grants) = worker.begun()?;
-    let reporter = OnTerminal { setup: Arc::clone(setup), directory: place.dir().to_path_buf(), is_quiet: args.quiet };
-    let limits = &setup.settings.limits;
-    let status = Status {
-        pid: std::process::id(),
-        robot: setup.robot.robot.model.name.clone(),
-        law: setup.run.as_ref().unwrap_or(&setup.hold).law.clone(),
-        period_s: limits.period_ns as f64 * 1e-9,
-        realtime: grants,
-        ..Status::default()
-    };
+    let (directory, is_quiet, is_json) = (place.dir().to_path_buf(), args.quiet, args.json);
+    let reporter = OnTerminal { setup: Arc::clone(setup), directory, is_quiet, is_json };
+    let (limits, status) = (&setup.settings.limits, status(setup, grants));
     let black_box = BlackBox::new(setup.settings.black_box_s, limits.period_ns);
     let workshop = FromFiles(Arc::clone(setup));
     let mut keeper = Supervisor::new(ends, workshop, reporter, black_box, status, SystemClock.now_ns());
     warn(setup.settings.realtime, &mut keeper);
+    if let Some(place) = recording.as_ref().and_then(recording::Recording::seen_at) {
+        keeper.reporter_mut().line(&place);
+    }
     let mut notify = Notify::from_environment();
     notify.ready("nothing moves until `pkm order arm`");
     let code = watch(args, &mut keeper, (&door, &mut notify), &signals, &worker);
@@ -209,14 +222,39 @@ fn serve(args: &Args, setup: &Arc<Setup>) -> Result<ExitCode, Stopped> {
     if code.is_err() && !worker.has_ended() {
         // A loop that stands still may never end: its thread goes down with the process.
         keeper.give_up(SystemClock.now_ns(), SILENCE_NS);
-        return code;
+        return close(args, &keeper, None, code);
     }
     let outcome = worker.join();
     keeper.turn(SystemClock.now_ns(), true);
-    if let Some(recording) = recording {
-        keeper.reporter_mut().line(&recording.finish());
+    let recorded = recording.map(recording::Recording::finish);
+    if let Some(recorded) = &recorded {
+        keeper.reporter_mut().line(&recorded.to_string());
     }
-    outcome.and(code)
+    close(args, &keeper, recorded.as_ref(), outcome.and(code))
+}
+
+/// What a status says that does not change.
+fn status(setup: &Setup, realtime: Grants) -> Status {
+    Status {
+        pid: std::process::id(),
+        robot: setup.robot.robot.model.name.clone(),
+        law: setup.run.as_ref().unwrap_or(&setup.hold).law.clone(),
+        period_s: setup.settings.limits.period_ns as f64 * 1e-9,
+        realtime,
+        ..Status::default()
+    }
+}
+
+/// The last word of a daemon that has begun, for programs.
+fn close(args: &Args, keeper: &Keeper, recorded: Option<&Recorded>, outcome: Result<ExitCode, Stopped>) -> Result<ExitCode, Stopped> {
+    if args.json {
+        let error = outcome.as_ref().err().map(|stopped| &stopped.problem);
+        let told =
+            json!({"schema": "pkm.daemon/1", "pkm": crate::VERSION, "error": error, "status": keeper.status(), "recording": recorded});
+        // Nobody is left to be told where even that fails, and the robot is left already.
+        let _ = out::say(&told.to_string());
+    }
+    outcome
 }
 
 /// Says what the operating system did not give.

@@ -12,6 +12,7 @@ use pkm_daemon::histogram::Summary;
 use pkm_daemon::runner::Pace;
 use pkm_hal::backends::iceoryx2::{Place, Role, SharedDriver};
 use pkm_hal::{Clock, SystemClock};
+use serde_json::json;
 
 use crate::daemon::setup::Setup;
 use crate::daemon::{CONFIGURATION, INTERNAL, Stopped, refuse, robot};
@@ -31,14 +32,18 @@ Exit codes: 0 ended as told, 70 internal error, 74 I/O, 75 another driver runs, 
 
 Examples:
   pkm driver-sim daemon.toml
-  pkm driver-sim daemon.toml --seconds 10")]
+  pkm driver-sim daemon.toml --seconds 10
+  pkm driver-sim daemon.toml --seconds 10 --json | jq .round_trip")]
 pub(crate) struct Args {
     /// A daemon.toml with hal.kind = "iceoryx2".
     config: PathBuf,
     /// End after so long.
     #[arg(long, value_name = "S", value_parser = crate::diagnosis::positive)]
     seconds: Option<f64>,
-    /// Print nothing but errors.
+    /// Print one JSON object when it has ended, and everything else on standard error.
+    #[arg(long)]
+    json: bool,
+    /// Print nothing but errors, and what --json asks for.
     #[arg(long, short)]
     quiet: bool,
 }
@@ -65,6 +70,7 @@ fn read(path: &Path) -> Result<Setup, Stopped> {
 
 fn serve(args: &Args) -> Result<(), Stopped> {
     let setup = read(&args.config)?;
+    setup.admit()?;
     let place = Place::try_new(&setup.directory())?;
     let lock = place.lock(Role::Driver)?;
     let mut driver = SharedDriver::try_new(&place, lock)?;
@@ -74,13 +80,11 @@ fn serve(args: &Args) -> Result<(), Stopped> {
     for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
         signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(|e| Stopped::new(INTERNAL, e))?;
     }
-    let say = |text: &str| if args.quiet { Ok(()) } else { out::say(text) }.map_err(|e| Stopped::new(INTERNAL, e));
-    say(&format!("driver of process {}, mended at the start: {:?}", std::process::id(), driver.mended()))?;
+    let mut log = Log { is_quiet: args.quiet, is_json: args.json, ..Log::default() };
+    log.say(&format!("driver of process {}, mended at the start: {:?}", std::process::id(), driver.mended()))?;
     let begin_ns = SystemClock.now_ns();
-    let turn_ns = setup.settings.limits.period_ns / TURNS;
-    let mut grid = Grid::new(begin_ns, turn_ns);
-    let mut trips = 0;
-    let (mut told, mut told_ns, mut opened) = (0, 0, 0);
+    let mut grid = Grid::new(begin_ns, setup.settings.limits.period_ns / TURNS);
+    let mut outcome = Ok(());
     while !stop.load(Ordering::Relaxed) {
         SystemClock.sleep_until(grid.beat().planned_ns);
         let now_ns = SystemClock.now_ns();
@@ -90,30 +94,81 @@ fn serve(args: &Args) -> Result<(), Stopped> {
         }
         // A state that is stale to the watchdog is still the robot's newest: the loop judges by its age as well.
         let served = driver.serve(&mut hal);
-        if hal.inner.counts().trips > trips {
-            trips = hal.inner.counts().trips;
-            say(&format!("{:.6} s: the commander lost the robot: safe action", now_ns as f64 * 1e-9))?;
-        }
-        if driver.served().opened > opened {
-            opened = driver.served().opened;
-            say(&format!("{:.6} s: listens to a daemon", now_ns as f64 * 1e-9))?;
-        }
-        let refused = driver.served().refused;
-        if refused > told && now_ns.saturating_sub(told_ns) > SILENT_NS {
-            let last = driver.served().last.map_or(String::new(), |error| error.to_string());
-            say(&format!("{:.6} s: {refused} commands refused so far, the last because {last}", now_ns as f64 * 1e-9))?;
-            (told, told_ns) = (refused, now_ns);
-        }
+        log.look(&driver, hal.inner.counts().trips, now_ns)?;
         if let Err(pkm_hal::HalError::Gone { code }) = served {
-            return Err(Stopped::new(INTERNAL, format!("the simulation cannot go on (code {code})")));
+            outcome = Err(Stopped::new(INTERNAL, format!("the simulation cannot go on (code {code})")));
+            break;
         }
         grid.done(SystemClock.now_ns());
     }
-    let served = driver.served();
-    let last = served.last.map_or(String::new(), |error| format!(", the last because {error}"));
-    let Summary { count, p50_us, p99_us, p999_us, max_us } = hal.round_trips();
-    if count > 0 {
-        say(&format!("from a state to its answer, us: {count} times, p50 {p50_us} p99 {p99_us} p99.9 {p999_us} max {max_us}"))?;
+    log.close(&setup, &driver, hal.round_trips(), outcome.as_ref().err())?;
+    outcome
+}
+
+/// What was told so far, and how.
+#[derive(Debug, Default)]
+struct Log {
+    is_quiet: bool,
+    /// Whether standard output is for one JSON object.
+    is_json: bool,
+    trips: u64,
+    opened: u64,
+    refused: u64,
+    /// When refusals were told last `[ns]`.
+    refused_ns: u64,
+}
+
+impl Log {
+    fn say(&self, text: &str) -> Result<(), Stopped> {
+        if self.is_quiet {
+            return Ok(());
+        }
+        if self.is_json {
+            out::line_on_stderr(text);
+            return Ok(());
+        }
+        out::say(text).map_err(|e| Stopped::new(INTERNAL, e))
     }
-    say(&format!("{} states sent, {} commands taken, {} refused{last}", served.sent, served.taken, served.refused))
+
+    /// Tells what is new in a turn at `now_ns` `[ns]`, after which the commander has lost the robot `trips` times.
+    fn look(&mut self, driver: &SharedDriver, trips: u64, now_ns: u64) -> Result<(), Stopped> {
+        let served = driver.served();
+        if trips > self.trips {
+            self.trips = trips;
+            self.say(&format!("{:.6} s: the commander lost the robot: safe action", now_ns as f64 * 1e-9))?;
+        }
+        if served.opened > self.opened {
+            self.opened = served.opened;
+            self.say(&format!("{:.6} s: listens to a daemon", now_ns as f64 * 1e-9))?;
+        }
+        if served.refused > self.refused && now_ns.saturating_sub(self.refused_ns) > SILENT_NS {
+            let last = served.last.map_or(String::new(), |error| error.to_string());
+            let refused = served.refused;
+            self.say(&format!("{:.6} s: {refused} commands refused so far, the last because {last}", now_ns as f64 * 1e-9))?;
+            (self.refused, self.refused_ns) = (refused, now_ns);
+        }
+        Ok(())
+    }
+
+    /// The last word: in words, and for programs.
+    fn close(&self, setup: &Setup, driver: &SharedDriver, answers: Summary, error: Option<&Stopped>) -> Result<(), Stopped> {
+        let served = driver.served();
+        let last = served.last.map(|error| error.to_string());
+        let Summary { count, p50_us, p99_us, p999_us, max_us } = answers;
+        if count > 0 {
+            self.say(&format!("from a state to its answer, us: {count} times, p50 {p50_us} p99 {p99_us} p99.9 {p999_us} max {max_us}"))?;
+        }
+        let because = last.as_ref().map_or(String::new(), |last| format!(", the last because {last}"));
+        self.say(&format!("{} states sent, {} commands taken, {} refused{because}", served.sent, served.taken, served.refused))?;
+        if !self.is_json {
+            return Ok(());
+        }
+        let told = json!({
+            "schema": "pkm.driver_sim/1", "pkm": crate::VERSION, "error": error.map(|stopped| &stopped.problem),
+            "robot": setup.robot.robot.model.name, "states_sent": served.sent, "commands_taken": served.taken,
+            "commands_refused": served.refused, "last_refusal": last, "daemons_heard": served.opened, "times_lost": self.trips,
+            "round_trip": answers,
+        });
+        out::say(&told.to_string()).map_err(|e| Stopped::new(INTERNAL, e))
+    }
 }

@@ -18,7 +18,7 @@ pub(crate) struct RecordArgs {
     /// Record every period into MCAP files of this folder, a new one after ten minutes or 1 GiB.
     #[arg(long, value_name = "FOLDER")]
     record: Option<PathBuf>,
-    /// Show what is recorded to Foxglove and `PlotJuggler` at this port of this machine.
+    /// Show what is recorded to Foxglove and `PlotJuggler` at this port of this machine; 0 takes one that is free and says which.
     #[cfg(feature = "live")]
     #[arg(long, value_name = "PORT", requires = "record")]
     live: Option<u16>,
@@ -28,7 +28,7 @@ pub(crate) struct RecordArgs {
 pub(super) struct Recording {
     handle: Handle,
     #[cfg(feature = "live")]
-    _live: Option<pkm_live::Live>,
+    live: Option<pkm_live::Live>,
 }
 
 impl RecordArgs {
@@ -49,7 +49,7 @@ impl RecordArgs {
         let recording = Recording {
             handle,
             #[cfg(feature = "live")]
-            _live: live,
+            live,
         };
         Ok((Some(sink), Some(recording)))
     }
@@ -82,12 +82,44 @@ fn start(
 }
 
 impl Recording {
-    /// Ends it; what became of it in one line.
-    pub(super) fn finish(self) -> String {
+    /// Where it can be looked at, for people; none where it cannot.
+    #[cfg(feature = "live")]
+    pub(super) fn seen_at(&self) -> Option<String> {
+        self.live.as_ref().map(|live| format!("live view at ws://127.0.0.1:{}", live.port()))
+    }
+
+    /// Nowhere: built without.
+    #[cfg(not(feature = "live"))]
+    pub(super) fn seen_at(&self) -> Option<String> {
+        None
+    }
+
+    /// Ends it; what became of it.
+    pub(super) fn finish(self) -> Recorded {
         let (progress, outcome) = self.handle.finish();
-        let problem = outcome.err().map(|e| format!("; {e}")).unwrap_or_default();
         let lost = progress.lost + progress.dropped;
-        format!("recorded {} periods in {} files, {lost} lost{problem}", progress.written, progress.files)
+        Recorded { periods: progress.written, files: progress.files, lost, error: outcome.err().map(|e| e.to_string()) }
+    }
+}
+
+/// What became of a recording.
+#[derive(Debug, serde::Serialize)]
+pub(super) struct Recorded {
+    /// Periods in its files.
+    periods: u64,
+    /// Its files.
+    files: u64,
+    /// Periods that are in none.
+    lost: u64,
+    /// What the disk said last, if the end is not on it.
+    error: Option<String>,
+}
+
+impl core::fmt::Display for Recorded {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Self { periods, files, lost, error } = self;
+        write!(f, "recorded {periods} periods in {files} files, {lost} lost")?;
+        error.as_ref().map_or(Ok(()), |error| write!(f, "; {error}"))
     }
 }
 
@@ -98,6 +130,7 @@ fn layout(setup: &Setup) -> Layout {
     let wrench = setup.settings.wrench.and_then(|i| model.sensors.get(i));
     let parts = ["fx", "fy", "fz", "mx", "my", "mz"];
     let mut carried = with_robot(&setup.robot);
+    carried.version = Some(crate::VERSION.to_string());
     let controller = setup.run.as_ref().unwrap_or(&setup.hold);
     let hold = setup.run.as_ref().map(|_| (ATTACHED_HOLD, &setup.hold.text));
     for (name, text) in [(ATTACHED, &controller.text), ("daemon.toml", &setup.own.1)].into_iter().chain(hold) {

@@ -18,6 +18,8 @@ pub(crate) struct OnTerminal {
     pub(crate) setup: Arc<Setup>,
     pub(crate) directory: PathBuf,
     pub(crate) is_quiet: bool,
+    /// Whether standard output is for one JSON object, and everything else for standard error.
+    pub(crate) is_json: bool,
 }
 
 impl Reporter for OnTerminal {
@@ -26,7 +28,10 @@ impl Reporter for OnTerminal {
     }
 
     fn line(&mut self, text: &str) {
-        if !self.is_quiet {
+        if self.is_quiet {
+        } else if self.is_json {
+            out::line_on_stderr(text);
+        } else {
             // A terminal that has gone away is no reason to let go of a robot.
             let _ = out::say(text);
         }
@@ -44,6 +49,7 @@ impl Reporter for OnTerminal {
             Attachment { name, media_type, bytes: text.as_bytes().to_vec() }
         };
         let mut attachments = crate::convert::with_robot(&self.setup.robot);
+        attachments.version = Some(crate::VERSION.to_string());
         attachments.files.push(file("daemon.toml", &self.setup.own.1));
         attachments.files.push(file("controller.toml", &self.setup.hold.text));
         write(&path, &recording, &attachments)?;

@@ -13,6 +13,7 @@ use pkm_ident::Recording;
 use pkm_record::ReadOptions;
 use pkm_sim::{Playback, check_limits};
 
+use super::{CONFIGURATION, Stopped};
 use crate::robot_file;
 
 /// The example that runs where no file is given, with the files it names.
@@ -89,6 +90,15 @@ impl Setup {
     /// The private directory: the one the file names, else one of the user's own.
     pub(crate) fn directory(&self) -> PathBuf {
         directory(&self.config, self.base.as_deref())
+    }
+
+    /// Whether this process may be a side of this robot.
+    ///
+    /// # Errors
+    /// It is not of the user or the group that the file names.
+    pub(crate) fn admit(&self) -> Result<(), Stopped> {
+        let refused = |(key, problem): (&str, String)| Stopped::new(CONFIGURATION, self.config.about(key, &problem));
+        pkm_daemon::owners::check(self.config.owners()).map_err(refused)
     }
 
     /// The phase in which the robot runs.

@@ -32,6 +32,10 @@ impl Workshop for FromFiles {
         self.0.phase()
     }
 
+    fn length_s(&self) -> Option<f64> {
+        self.0.settings.length_s
+    }
+
     fn nonce(&mut self) -> u64 {
         // Keys of the standard library's hasher are drawn by the operating system.
         RandomState::new().build_hasher().finish() | 1

@@ -2,10 +2,15 @@
 #![cfg(target_os = "linux")]
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test that cannot go on fails, outside #[test] functions too")]
 
+mod exercise;
 #[cfg(feature = "live")]
 mod live;
+mod owners;
 mod service;
+mod signals;
 mod site;
 mod soak;
 mod starts;
 mod stops;
+mod summaries;
+mod watch;
