@@ -165,6 +165,8 @@ fn sensor_cases() -> Vec<Case> {
 fn drive_cases() -> Vec<Case> {
     let (play, stop, fault) = (Phase::Position, Phase::SafeStop, Phase::Fault);
     let following = Some(Cause::Following);
+    let mut glitch = own("emergency-stop line open for one frame", Own::Bits(status::STOPPED, 0), fault, Some(Cause::EmergencyStop), 0);
+    glitch.periods = 1;
     vec![
         case("drive dead", Fault::DeadDrive { axis: 1 }, LASTING, stop, following, 40),
         case("drive gives no more than 20 N", Fault::WeakDrive { axis: 1, most: 20.0 }, LASTING, stop, following, 60),
@@ -174,6 +176,7 @@ fn drive_cases() -> Vec<Case> {
         case("commands lost, lasting", Fault::LostCommand, 11, fault, Some(Cause::Tripped), 12),
         own("a drive reports a fault", Own::Bits(0, 0b100), fault, Some(Cause::Drive), 0),
         own("emergency-stop line open", Own::Bits(status::STOPPED, 0), fault, Some(Cause::EmergencyStop), 0),
+        glitch,
     ]
 }
 
@@ -285,7 +288,7 @@ fn begin<'c, 's>(case: &Case, script: &'s [Injection], clock: &'c ManualClock) -
     let robot = robot("prs3");
     let settings = settings(&robot);
     let hal = guarded(&robot, &settings, &[0.14, 0.15, 0.16], clock);
-    let bits = if let Own::Bits(bits, drives) = case.own { Some((FAULT_AT, FAULT_AT + LASTING, bits, drives)) } else { None };
+    let bits = if let Own::Bits(bits, drives) = case.own { Some((FAULT_AT, FAULT_AT + case.periods, bits, drives)) } else { None };
     let gone = if case.own == Own::Gone { FAULT_AT..FAULT_AT + LASTING } else { 0..0 };
     let hal = Status { inner: FaultyHal::new(hal, script), reads: 0, bits, gone };
     let mut rig = Rig::new(hal, robot, settings, clock);

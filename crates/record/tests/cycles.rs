@@ -199,6 +199,26 @@ fn every_number_of_a_loop_is_in_its_file_to_the_bit() {
 }
 
 #[test]
+fn chunks_are_lz4_and_none_holds_more_than_half_a_second() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut recorder = Recorder::begin(Box::new(Folder::new(folder.path())), layout(), Options::default(), 0).unwrap();
+    for cycle in 0..3000 {
+        recorder.push(&record(cycle), cycle * MS);
+        recorder.tick(cycle * MS);
+    }
+    recorder.finish(3000 * MS).1.unwrap();
+    let bytes = std::fs::read(folder.path().join("cycles_0001.mcap")).unwrap();
+    let records = mcap::read::LinearReader::new(&bytes).unwrap().map(Result::unwrap);
+    let header = |record| if let mcap::records::Record::Chunk { header, .. } = record { Some(header) } else { None };
+    let chunks: Vec<mcap::records::ChunkHeader> = records.filter_map(header).collect();
+    assert!(chunks.len() >= 6, "{} chunks in three seconds", chunks.len());
+    for header in chunks {
+        assert_eq!(header.compression, "lz4");
+        assert!(header.message_end_time - header.message_start_time <= 500 * MS, "{header:?}");
+    }
+}
+
+#[test]
 fn files_are_rotated_by_time_and_by_size_and_no_cycle_is_lost_in_between() {
     for (rotate_ns, rotate_bytes, files) in [(250 * MS, u64::MAX, 4..=4), (u64::MAX, 200_000, 5..=12)] {
         let disk = Disk::with(u64::MAX / 2);

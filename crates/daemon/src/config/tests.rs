@@ -31,6 +31,7 @@ fn what_is_left_out_is_the_robots_own_or_follows_from_the_period() {
     assert_eq!((s.axes[0].effort, s.axes[2].velocity, s.axes[1].upper), (1200.0, 0.2, 0.3));
     assert!((s.limits.following[0] - 0.015).abs() < 1e-12);
     assert_eq!((s.limits.safe.damping[2], s.limits.safe.damping[3], s.priority, s.realtime), (500.0, 0.0, 80, Policy::Prefer));
+    assert_eq!((s.black_box_s.to_bits(), s.length_s), (5.0_f64.to_bits(), None));
 }
 
 #[test]

@@ -29,7 +29,9 @@ impl Reporter for OnTerminal {
 
     fn line(&mut self, text: &str) {
         if self.is_quiet {
-        } else if self.is_json {
+            return;
+        }
+        if self.is_json {
             out::line_on_stderr(text);
         } else {
             // A terminal that has gone away is no reason to let go of a robot.
