@@ -72,16 +72,16 @@ fn a_build_looks_at_its_own_repository_alone_and_at_no_more_of_it_than_the_commi
     // No repository: a packed source, a tarball.
     assert_eq!(told(&script, &crate_dir), ("1.2.3".to_string(), Vec::new()));
     // A branch with a file of its own.
-    write(".git/HEAD", "ref: refs/heads/work/here\n");
-    write(".git/refs/heads/work/here", &format!("{ONE}\n"));
+    write(".git/HEAD", "ref: refs/heads/ours/here\n");
+    write(".git/refs/heads/ours/here", &format!("{ONE}\n"));
     let (version, watched) = told(&script, &crate_dir);
     assert_eq!((version.as_str(), watched.len(), is_there(&watched)), ("1.2.3 (0123456789ab)", 2, true), "{watched:?}");
     // A branch that is packed; the folder is watched, since the next commit makes its file.
-    fs::remove_file(root.join(".git/refs/heads/work/here")).unwrap();
-    write(".git/packed-refs", &format!("# pack-refs with: peeled\n{ONE} refs/heads/not/work/here\n{OTHER} refs/heads/work/here\n^{ONE}\n"));
+    fs::remove_file(root.join(".git/refs/heads/ours/here")).unwrap();
+    write(".git/packed-refs", &format!("# pack-refs with: peeled\n{ONE} refs/heads/not/ours/here\n{OTHER} refs/heads/ours/here\n^{ONE}\n"));
     let (version, watched) = told(&script, &crate_dir);
     assert_eq!((version.as_str(), is_there(&watched)), ("1.2.3 (fedcba987654)", true), "{watched:?}");
-    assert!(watched.iter().any(|path| path.ends_with("refs/heads/work")), "{watched:?}");
+    assert!(watched.iter().any(|path| path.ends_with("refs/heads/ours")), "{watched:?}");
     // No branch.
     write(".git/HEAD", &format!("{ONE}\n"));
     assert_eq!(told(&script, &crate_dir).0, "1.2.3 (0123456789ab)");
@@ -89,7 +89,7 @@ fn a_build_looks_at_its_own_repository_alone_and_at_no_more_of_it_than_the_commi
     fs::rename(root.join(".git"), folder.path().join("common")).unwrap();
     let tree = folder.path().join("common/worktrees/second");
     fs::create_dir_all(&tree).unwrap();
-    fs::write(tree.join("HEAD"), "ref: refs/heads/work/here\n").unwrap();
+    fs::write(tree.join("HEAD"), "ref: refs/heads/ours/here\n").unwrap();
     fs::write(tree.join("commondir"), "../..\n").unwrap();
     write(".git", &format!("gitdir: {}\n", tree.display()));
     let (version, watched) = told(&script, &crate_dir);
