@@ -2,8 +2,6 @@
 //!
 //! Files are read, no program is run: builds without git or without a network are the same as others.
 
-#![expect(clippy::print_stdout, reason = "it is how a build script speaks to cargo")]
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
