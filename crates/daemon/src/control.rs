@@ -75,7 +75,12 @@ impl Door {
             }
             match reader.read(&mut byte) {
                 Ok(1) if byte[0] != b'\n' => bytes.push(byte[0]),
-                _ => break,
+                Ok(_) => break,
+                // Half a request is none.
+                Err(_) => {
+                    bytes.clear();
+                    break;
+                }
             }
         }
         Some(Request { text: String::from_utf8_lossy(&bytes).trim().to_string(), stream })

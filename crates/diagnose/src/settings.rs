@@ -28,6 +28,11 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// Smallest share of the squared error worth a name of a law with `n` coefficients: each must be worth what a single one must.
+    pub(crate) fn floor_of(&self, n: usize) -> f64 {
+        self.floor * n.max(1) as f64
+    }
+
     /// Smallest size worth a name of a law with `n` coefficients: each must be worth what a single one must, in squared effort.
     pub(crate) fn tolerance_of(&self, n: usize) -> f64 {
         self.tolerance * pkm_dyn::math::sqrt(n.max(1) as f64)
