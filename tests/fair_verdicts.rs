@@ -3,7 +3,7 @@
 
 use core::f64::consts::TAU;
 
-use pkm_diagnose::verdict::{Status, Verdict};
+use pkm_diagnose::verdict::{Finding, Status, Verdict};
 use pkm_diagnose::{Diagnosis, Settings, diagnose};
 use pkm_dyn::math;
 use pkm_dyn::urdf::{Description, parse};

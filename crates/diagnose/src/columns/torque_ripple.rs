@@ -69,3 +69,21 @@ fn usual_speed(motions: &[Motion], drive: usize) -> f64 {
 fn longest_period(motions: &[Motion]) -> f64 {
     motions.iter().map(|m| m.segment.dt).fold(0.0, f64::max)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Bench;
+
+    #[test]
+    fn orders_reach_as_far_as_the_usual_speed_has_them_in_the_band() {
+        // A·sin(ωt) has the median speed A·ω/√2 and travels 2A: in a band B lie up to 2·B/(ω/√2) periods over the travel, 0.6 Hz: 3.75.
+        for (hz, most) in [(0.6, 3.75), (0.25, 9.0)] {
+            let shapes = Bench::sine(0.2, hz).shapes(&Effect, 0);
+            let periods: Vec<f64> = shapes.iter().map(|s| s.values[0] * 0.4 / TAU).collect();
+            let last = periods.last().copied().unwrap_or(0.0);
+            assert!((periods[0] - 3.0).abs() < 1e-2 && last < 1.02 * most && last > 0.98 * most - 0.5, "{hz} Hz: {periods:?}");
+        }
+        assert!(Bench::sine(0.2, 2.0).shapes(&Effect, 0).is_empty(), "no ripple of three periods is in the band of a fast motion");
+    }
+}
