@@ -110,6 +110,31 @@ pub(crate) fn chain_rivals(work: &mut Work, band: f64) -> Vec<(usize, EffectAt)>
     out
 }
 
+/// Cables whose pull only rises along the stroke: a spring that hardens or softens does the same, and no curve tells one from the other. By pick,
+/// from the parameters of each.
+pub(crate) fn rising_cables(work: &Work, readings: &[Vec<(&'static str, f64)>]) -> Vec<(usize, EffectAt)> {
+    let is_rising = |(i, p): &(usize, &Pick)| {
+        let powers: Vec<f64> = readings[*i].iter().map(|(_, c)| *c).collect();
+        rises(&powers, [p.variant.values[0], p.variant.values[1]])
+    };
+    let cables = work.picks.iter().enumerate().filter(|(_, p)| work.candidates[p.candidate].effect_name() == "cable_force");
+    let spring = |i: usize| EffectAt {
+        effect: "spring".to_string(),
+        place: work.candidates[work.picks[i].candidate].places(&work.robot.model),
+        separating_experiment: "take the hoses off, or route them anew, and repeat: a spring that is not straight stays as it is"
+            .to_string(),
+    };
+    cables.filter(is_rising).map(|(i, _)| (i, spring(i))).collect()
+}
+
+/// Whether a polynomial, constant first, only rises within `half` of `middle`.
+fn rises(powers: &[f64], [middle, half]: [f64; 2]) -> bool {
+    const STEPS: u32 = 40;
+    // Horner's scheme over n·cₙ.
+    let slope = |q: f64| powers.iter().enumerate().skip(1).rev().fold(0.0, |sum, (n, c)| sum * q + n as f64 * c);
+    (0..=STEPS).all(|k| slope(middle + half * (2.0 * f64::from(k) / f64::from(STEPS) - 1.0)) > 0.0)
+}
+
 /// Whether a candidate sits where the pick does, or acts there at all when it is of another kind of place.
 fn is_at(work: &Work, c: &Candidate, pick: usize) -> bool {
     let own = &work.candidates[work.picks[pick].candidate];
@@ -274,4 +299,18 @@ fn whole_body(work: &Work, without: &[usize]) -> Option<Rival> {
     let model = &work.robot.model;
     let place = model.massive_links().into_iter().map(|l| model.links[l].name.clone()).collect();
     Some(Rival { effect: "inertia_error", place, share, is_beaten, veto: String::new() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_spring_that_hardens_only_rises_and_a_parabola_does_not() {
+        // 3 q + 5 q³ about 0.2, and a parabola whose bottom lies at 0.1.
+        assert!(rises(&[0.4, 3.0, 0.0, 5.0], [0.2, 0.5]));
+        let parabola = [0.01, -0.2, 1.0];
+        assert!(!rises(&parabola, [0.2, 0.15]) && rises(&parabola, [0.2, 0.09]));
+        assert!(!rises(&[1.0, -3.0], [0.0, 1.0]) && !rises(&[1.0], [0.0, 1.0]));
+    }
 }

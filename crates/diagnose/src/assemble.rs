@@ -4,7 +4,7 @@ use alloc::collections::BTreeMap;
 
 use pkm_dyn::{Model, math};
 
-use crate::alternatives::{alternatives, chain_rivals};
+use crate::alternatives::{alternatives, chain_rivals, rising_cables};
 use crate::columns::Family;
 use crate::commands;
 use crate::contest::reading;
@@ -40,8 +40,8 @@ struct Final {
     parts: Vec<Left>,
     readings: Vec<Parameters>,
     estimates: Vec<BTreeMap<String, Estimate>>,
-    /// Lags that could be delays and delays that could be lags, by pick.
-    late: Vec<(usize, EffectAt)>,
+    /// Lags that could be delays and delays that could be lags, cables that could be springs, by pick.
+    other: Vec<(usize, EffectAt)>,
     /// Different motions recorded.
     motions: usize,
 }
@@ -59,7 +59,8 @@ pub(crate) fn assemble(
     let order: Vec<usize> = steps.iter().filter_map(|s| s.pick).collect();
     let late = chain_rivals(work, band);
     let mut fin = finish(work);
-    fin.late = late;
+    fin.other = late;
+    fin.other.extend(rising_cables(work, &fin.readings));
     // The chain was iterated since: the last step is the final model itself.
     if let Some(last) = steps.last_mut().filter(|s| s.pick.is_some()) {
         last.heldout = pooled(&errors(work, &fin.left));
@@ -146,7 +147,7 @@ fn finish(work: &Work) -> Final {
         readings.push(values);
         estimates.push(map);
     }
-    Final { fit, left, parts, readings, estimates, late: Vec::new(), motions: different_motions(work.motions) }
+    Final { fit, left, parts, readings, estimates, other: Vec::new(), motions: different_motions(work.motions) }
 }
 
 /// Parameters that are chosen from a list of shapes.
@@ -207,7 +208,9 @@ fn finding(work: &Work, fin: &Final, steps: &[Step], (r, pick): (usize, usize), 
     let p = &work.picks[pick];
     let c = &work.candidates[p.candidate];
     let (mut same, mut look_alikes) = alternatives(work, pick);
-    same.extend(fin.late.iter().filter(|(p, _)| *p == pick).map(|(_, a)| a.clone()));
+    let is_said = |a: &EffectAt| same.iter().any(|s| s.effect == a.effect && s.place == a.place);
+    let more: Vec<EffectAt> = fin.other.iter().filter(|(p, a)| *p == pick && !is_said(a)).map(|(_, a)| a.clone()).collect();
+    same.extend(more);
     look_alikes.retain(|l| !same.iter().any(|s| s.effect == l.effect && s.place == l.place));
     let (regime, when) = regimes::of_pick(work, pick, &fin.parts[pick], &fin.left);
     let parameters = fin.estimates[pick].clone();
@@ -219,7 +222,7 @@ fn finding(work: &Work, fin: &Final, steps: &[Step], (r, pick): (usize, usize), 
         place: c.places(&work.robot.model),
         regime,
         when,
-        confidence: confidence(work, p.wins, p_value, fin.motions),
+        confidence: confidence(work, p.wins, p_value, fin.motions) / (1 + same.len()) as f64,
         p_value,
         heldout_rms_before: before,
         heldout_rms_after: after,
@@ -239,7 +242,8 @@ fn p_value(search: f64, confirm: f64, settings: &Settings) -> f64 {
     (k * (1.0 - math::ln(k))).clamp(1.0 / (settings.null_runs + 1) as f64, 1.0)
 }
 
-/// Rule of succession over the blocks in which the finding helped, times the chance that it is real at all.
+/// Rule of succession over the blocks in which the finding helped, times the chance that it is real at all: how sure it is that this, or what cannot
+/// be told from it, is there. A name shares that with all that it cannot be told from.
 fn confidence(work: &Work, wins: usize, p_value: f64, motions: usize) -> f64 {
     let raw = (1.0 - p_value) * (wins + 1) as f64 / (work.design.n_folds + 2) as f64;
     // One motion alone is never confirmed, however often it is recorded: another load or motion might not show it.

@@ -2,7 +2,7 @@
 
 use crate::chain::refine_chain;
 use crate::columns::Family;
-use crate::design::View;
+use crate::design::{Chain, View};
 use crate::final_fit::{FinalFit, errors, left_as_given, pooled};
 use crate::refine::container;
 use crate::screen::Base;
@@ -17,45 +17,29 @@ pub(crate) struct Step {
     pub(crate) heldout: f64,
 }
 
-/// Adds picks one by one, each time the one that helps most on blocks it was not fitted on; lags and delays, which move a finished
-/// model in time, come last. `work` is left as it was.
+/// Adds picks one by one, each time the one that helps most on blocks it was not fitted on; lags and delays compete as they were found.
+/// `work` is left as it was.
 pub(crate) fn rank(work: &mut Work, band: f64) -> Vec<Step> {
     let picks = work.picks.clone();
     let chain = work.design.chain.clone();
     let mut steps = vec![Step { pick: None, heldout: pooled(&errors(work, &left_as_given(work, &[], View::Judge))) }];
     work.design.chain = work.design.given_chain.clone();
     work.rebuild();
-    let is_chain = |work: &Work, p: &Pick| work.candidates[p.candidate].effect.family() == Family::Chain;
-    let mut open: Vec<usize> = (0..picks.len()).filter(|&i| !is_chain(work, &picks[i]) && container(work, i).is_none()).collect();
+    let is_contained: Vec<bool> = (0..picks.len()).map(|i| container(work, i).is_some()).collect();
+    let mut open: Vec<usize> = (0..picks.len()).filter(|&i| !is_contained[i]).collect();
     // What a law contains is added with it.
     let with =
         |work: &Work, lead: usize| -> Vec<usize> { (0..picks.len()).filter(|&i| i == lead || container(work, i) == Some(lead)).collect() };
     let groups: Vec<Vec<usize>> = (0..picks.len()).map(|i| with(work, i)).collect();
     let mut taken: Vec<usize> = Vec::new();
     while !open.is_empty() {
-        let error = |work: &mut Work, next: usize| {
-            work.picks = taken.iter().chain(&groups[next]).map(|&i| picks[i].clone()).collect();
-            let cross = work.gram.cross(&work.design, &work.real_targets(&[work.softness]));
-            let (columns, prior) = work.picked(None);
-            Base::new(&work.gram, &cross, &columns, &prior).total(0)
-        };
-        let errors: Vec<f64> = open.iter().map(|&i| error(work, i)).collect();
-        let best = (0..open.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b])).unwrap_or(0);
-        let lead = open.remove(best);
+        let mut trial = |next: usize| error_with(work, &picks, (&chain, &[&taken[..], &groups[next][..]].concat()));
+        let errors: Vec<f64> = open.iter().map(|&i| trial(i)).collect();
+        let at = (0..open.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b])).unwrap_or(0);
+        let lead = open.remove(at);
         taken.extend(&groups[lead]);
-        work.picks = taken.iter().map(|&i| picks[i].clone()).collect();
+        error_with(work, &picks, (&chain, &taken));
         steps.push(Step { pick: Some(lead), heldout: held_out(work) });
-    }
-    let last: Vec<usize> = (0..picks.len()).filter(|&i| is_chain(work, &picks[i])).collect();
-    for i in last {
-        taken.push(i);
-        work.picks = taken.iter().map(|&i| picks[i].clone()).collect();
-        let joint = work.candidates[picks[i].candidate].scope[0];
-        work.design.chain[joint] = chain[joint];
-        refine_chain(work, band);
-        let now = work.picks.clone();
-        steps.push(Step { pick: Some(i), heldout: held_out(work) });
-        work.picks = now;
     }
     work.picks = picks;
     work.design.chain = chain;
@@ -63,6 +47,25 @@ pub(crate) fn rank(work: &mut Work, band: f64) -> Vec<Step> {
     refine_chain(work, band);
     work.rebuild();
     steps
+}
+
+/// Puts some of the picks in place, with the chains among them as they were found; the squared error on blocks they are not fitted on.
+fn error_with(work: &mut Work, picks: &[Pick], (chain, some): (&[Chain], &[usize])) -> f64 {
+    work.picks = some.iter().map(|&i| picks[i].clone()).collect();
+    let mut now = work.design.given_chain.clone();
+    for p in &work.picks {
+        let c = &work.candidates[p.candidate];
+        if c.effect.family() == Family::Chain {
+            now[c.scope[0]] = chain[c.scope[0]];
+        }
+    }
+    if now != work.design.chain {
+        work.design.chain = now;
+        work.rebuild();
+    }
+    let cross = work.gram.cross(&work.design, &work.real_targets(&[work.softness]));
+    let (columns, prior) = work.picked(None);
+    Base::new(&work.gram, &cross, &columns, &prior).total(0)
 }
 
 fn held_out(work: &Work) -> f64 {

@@ -75,13 +75,14 @@ pub(crate) fn look_for_a_person(work: &Work, left: &Left, (verdict, refined): (&
         scatter.over_noise
     );
     let others = places[1..].iter().filter(|(_, _, left)| *left < unexplained + AS_WELL);
-    let cannot_tell_from = others
+    let cannot_tell_from: Vec<EffectAt> = others
         .map(|(other, _, _)| EffectAt {
             effect: entry.name.to_string(),
             place: vec![name(*other)],
             separating_experiment: "measure the force with a sensor on either link".to_string(),
         })
         .collect();
+    let sure = if work.motions.len() < 2 { 0.79 } else { 0.9 };
     let look_alikes = entry.look_alikes.iter().map(|l| LookAlike {
         effect: l.effect.to_string(),
         place: vec![name(link)],
@@ -97,7 +98,7 @@ pub(crate) fn look_for_a_person(work: &Work, left: &Left, (verdict, refined): (&
         place: vec![name(link)],
         regime: vec!["all".to_string()],
         when: format!("differently in each of {} periods", scatter.periods),
-        confidence: if work.motions.len() < 2 { 0.79 } else { 0.9 },
+        confidence: sure / (1 + cannot_tell_from.len()) as f64,
         p_value: 1.0 / (settings.null_runs + 1) as f64,
         parameters: BTreeMap::from([("rms".to_string(), estimate)]),
         heldout_rms_before: now,

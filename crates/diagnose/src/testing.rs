@@ -97,7 +97,7 @@ impl Bench {
             travel: &travel,
             range: &range,
             motions: core::slice::from_ref(m),
-            resolution: &vec![0.0; n],
+            band: 5.0,
             massive: &self.model.massive_links(),
         };
         effect.propose(&ctx).into_iter().nth(number).map(|p| p.shapes).unwrap_or_default()

@@ -133,11 +133,10 @@ impl<'w> Work<'w> {
         let widths = largest_widths(robot, motions);
         let standard = standard_columns(&mut design, motions, model, &widths);
         let (speeds, travel) = extents(motions, model.n_act());
-        let resolution: Vec<f64> = speeds.iter().map(|v| v / (5.0 * band)).collect();
         let massive = model.massive_links();
         let range = ranges(motions, model.n_act());
-        let (top_speed, travel, resolution, massive, widths) = (&speeds, &travel, &resolution, &massive, &widths);
-        let ctx = Context { model, widths, top_speed, travel, range: &range, motions, resolution, massive };
+        let (top_speed, travel, massive, widths) = (&speeds, &travel, &massive, &widths);
+        let ctx = Context { model, widths, top_speed, travel, range: &range, motions, band, massive };
         let candidates = register(&ctx, &mut design, motions, &standard, only);
         let rigid_spread = massive.iter().flat_map(|&l| columns::inertia_error::spread(&model.links[l].parameters)).collect();
         made_from.iter_mut().for_each(Motion::shed);

@@ -9,13 +9,14 @@ use std::process::ExitCode;
 
 use pkm_daemon::Grid;
 use pkm_daemon::histogram::Summary;
+use pkm_daemon::realtime::claim;
 use pkm_daemon::runner::Pace;
 use pkm_hal::backends::iceoryx2::{Place, Role, SharedDriver};
 use pkm_hal::{Clock, SystemClock};
 use serde_json::json;
 
 use crate::daemon::setup::Setup;
-use crate::daemon::{CONFIGURATION, INTERNAL, Stopped, refuse, robot};
+use crate::daemon::{CONFIGURATION, INTERNAL, NOT_REALTIME, Stopped, refuse, robot};
 use crate::out;
 use heard::Heard;
 
@@ -25,10 +26,11 @@ const TURNS: u64 = 4;
 /// Arguments of `pkm driver-sim`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Reads the same file as the daemon: robot, limits, safe action and directory are the same on both sides. Either side may end and come back
+Reads the same file as the daemon: robot, limits, safe action, real-time rights and directory are the same on both sides. Either side may end and come back
 without the other; a commander that falls silent loses the robot, which then applies the safe action.
 
-Exit codes: 0 ended as told, 70 internal error, 74 I/O, 75 another driver runs, 78 the configuration is wrong.
+Exit codes: 0 ended as told, 70 internal error, 71 real time is required and not granted, 74 I/O, 75 another driver runs,
+78 the configuration is wrong.
 
 Examples:
   pkm driver-sim daemon.toml
@@ -82,6 +84,12 @@ fn serve(args: &Args) -> Result<(), Stopped> {
     }
     let mut log = Log { is_quiet: args.quiet, is_json: args.json, ..Log::default() };
     log.say(&format!("driver of process {}, mended at the start: {:?}", std::process::id(), driver.mended()))?;
+    // A robot does not wait for a busy machine. The loop's core is the daemon's.
+    let (grants, _awake) = claim(setup.settings.realtime, None, setup.settings.priority)
+        .map_err(|grants| Stopped::new(NOT_REALTIME, format!("real time is required: {}", grants.missing.join("; "))))?;
+    if grants.fifo_priority > 0 {
+        log.say(&format!("SCHED_FIFO {}", grants.fifo_priority))?;
+    }
     let begin_ns = SystemClock.now_ns();
     let mut grid = Grid::new(begin_ns, setup.settings.limits.period_ns / TURNS);
     let mut outcome = Ok(());

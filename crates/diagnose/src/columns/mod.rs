@@ -131,8 +131,8 @@ pub(crate) struct Context<'c> {
     pub(crate) range: &'c [[f64; 2]],
     /// The motions that columns will be made for.
     pub(crate) motions: &'c [Motion],
-    /// Shortest sample distance of rows along each drive's travel at top speed: position structure finer than this is not resolved.
-    pub(crate) resolution: &'c [f64],
+    /// Band in which efforts are compared `[Hz]`.
+    pub(crate) band: f64,
     pub(crate) massive: &'c [usize],
 }
 
