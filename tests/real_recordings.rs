@@ -178,3 +178,103 @@ fn the_same_runs_with_nothing_missing_raise_at_most_one_alarm() {
     );
     assert!(alarms.len() <= 1, "{} false findings in {runs} runs:\n{}", alarms.len(), alarms.join("\n"));
 }
+
+/// What of a recording lies between two shares of its length.
+fn part(r: &Recording, from: f64, to: f64) -> Recording {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a count")]
+    let at = |share: f64| (share * r.len() as f64) as usize;
+    let rows = at(from)..at(to);
+    let mut out = r.clone();
+    out.time = r.time[rows.clone()].to_vec();
+    out.signals.values_mut().for_each(|x| *x = x[rows.clone()].to_vec());
+    out
+}
+
+/// Size of a finding's parameter as smallest sizes are stated: the change from the robot as given.
+fn change(robot: &Description, f: &Finding, parameter: &str) -> Option<f64> {
+    let value = |name: &str| f.parameters.get(name).map(|e| e.value);
+    let joint = || robot.bare.joint_index(&f.place[0]).map(|j| &robot.bare.joints[j]);
+    let x = value(parameter)?;
+    Some(match (f.effect.as_str(), parameter) {
+        ("friction_coulomb", _) => x - joint()?.coulomb,
+        ("friction_viscous", _) => x - joint()?.viscous,
+        ("rotor_inertia", _) => x - joint()?.armature,
+        ("torque_constant" | "directional_efficiency", _) => x - 1.0,
+        ("friction_stribeck", _) => x - value("coulomb")?,
+        ("friction_asymmetric", "coulomb_pos") => x - value("coulomb_neg")?,
+        ("friction_asymmetric", _) => x - value("viscous_neg")?,
+        ("inertia_error", "mass") => x - robot.bare.links[robot.bare.link_index(&f.place[0])?].parameters.mass,
+        _ => x,
+    })
+}
+
+/// Why a verdict that could have the finding of another one does not contradict it: it is named there, stands in a set, or is too small to be
+/// seen there. `None` denies it.
+fn agrees(robot: &Description, f: &Finding, v: &Verdict) -> Option<&'static str> {
+    let is = |effect: &str, place: &[String]| effect == f.effect && place.iter().any(|p| f.place.contains(p));
+    if v.findings.iter().any(|g| is(&g.effect, &g.place)) {
+        return Some("named");
+    }
+    let is_in_set = |g: &Finding| {
+        g.cannot_tell_from.iter().any(|a| is(&a.effect, &a.place))
+            || f.cannot_tell_from.iter().any(|a| a.effect == g.effect && a.place.iter().any(|p| g.place.contains(p)))
+    };
+    if v.findings.iter().any(is_in_set) {
+        return Some("alias");
+    }
+    let is_inverse = matches!(f.effect.as_str(), "joint_elasticity" | "structure_flexibility" | "friction_presliding");
+    let is_below = |least: f64, size: f64| if is_inverse { size.abs() > least } else { size.abs() < least };
+    let sizes = v.minimum_detectable.iter().filter(|m| is(&m.effect, &m.place));
+    let seen: Vec<bool> = sizes.filter_map(|m| change(robot, f, &m.parameter).map(|size| !is_below(m.value, size))).collect();
+    let is_unseen = v.invisible.iter().any(|i| is(&i.effect, &i.place)) || (!seen.is_empty() && seen.iter().all(|s| !s));
+    is_unseen.then_some("cannot be seen there")
+}
+
+/// Verdicts on the two halves of what a robot of the list is learned from: halves in time, or every second recording where there are four.
+fn halves(real: &pkm_trials::real::Real, root: &Path, robot: &Description, keep: f64) -> [Verdict; 2] {
+    let learn: Vec<Recording> = real.learn.iter().map(|name| read(&root.join(name))).collect();
+    let judge: Vec<Recording> = real.judge.iter().map(|name| part(&read(&root.join(name)), 0.0, keep)).collect();
+    [0, 1].map(|half| {
+        let of_time = |r: &Recording| part(r, 0.5 * keep * half as f64, 0.5 * keep * (half + 1) as f64);
+        let train: Vec<Recording> =
+            if learn.len() < 4 { learn.iter().map(of_time).collect() } else { learn.iter().skip(half).step_by(2).cloned().collect() };
+        run(robot, &train, &judge, real.band).verdict
+    })
+}
+
+#[test]
+fn no_half_of_a_recording_denies_what_the_other_names() {
+    let is_long = std::env::var_os("PKM_LONG").is_some();
+    let (mut lines, mut denied, mut tried) = (Vec::new(), Vec::new(), 0);
+    for real in pkm_trials::real::known().expect("the list reads") {
+        // One joint each: the others take minutes.
+        if !is_long && !["emps", "servo_xl330"].contains(&real.folder.as_str()) {
+            continue;
+        }
+        let Some(root) = data(&real.folder) else { continue };
+        let robot = load(&root.join("robot.toml")).expect("a readable robot");
+        let halves = halves(&real, &root, &robot, 1.0);
+        for (half, v) in halves.iter().enumerate() {
+            for f in &v.findings {
+                let why = agrees(&robot, f, &halves[1 - half]);
+                let line = format!(
+                    "| {} | {} | {}@{} | {:.2} | {} |",
+                    real.folder,
+                    ["first", "second"][half],
+                    f.effect,
+                    f.place.join(","),
+                    f.confidence,
+                    why.unwrap_or("denied")
+                );
+                tried += 1;
+                if why.is_none() {
+                    denied.push(line.clone());
+                }
+                lines.push(line);
+            }
+        }
+    }
+    let head = "| robot | half | finding | confidence | the other half |\n|---|---|---|---|---|\n";
+    results_table("real_halves", &format!("{head}{}\n\ndenied: {} of {tried}\n", lines.join("\n"), denied.len()));
+    assert!(denied.is_empty(), "{} of {tried}:\n{}", denied.len(), denied.join("\n"));
+}

@@ -55,7 +55,7 @@ struct Scatter {
 
 /// Looks for a person in what the final model leaves where the joints move, for one that sticks is held by what it is pushed with; changes the verdict and the refined robot where there is one.
 pub(crate) fn look_for_a_person(work: &Work, left: &Left, (verdict, refined): (&mut Verdict, &mut Refined), settings: &Settings) {
-    let Some(entry) = find("active_limb") else { return };
+    let Some(entry) = find("active_limb").filter(|e| !settings.leaves_out(e.name)) else { return };
     let Some(scatter) = scatter(work, left) else { return };
     tracing::debug!(scatter.over_noise, scatter.share, scatter.size, scatter.periods, "what does not repeat");
     if scatter.over_noise < ABOVE_NOISE || scatter.share < MOSTLY || scatter.size < WORTH {

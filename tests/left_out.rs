@@ -1,0 +1,103 @@
+//! Physics that the library lacks: every effect is concealed in turn and the diagnosis made without it.
+//!
+//! What it then says must not be a name that it is sure of and that is wrong. Right are: most of it is unexplained; a name that the diagnosis
+//! with the whole library cannot tell from the truth; a name that is not sure (0.8 and less).
+
+use pkm_diagnose::isolability::ALIAS_COSINE;
+use pkm_diagnose::verdict::{EffectAt, Finding, Verdict};
+use pkm_diagnose::{Settings, diagnose};
+use pkm_dyn::urdf::Description;
+use pkm_ident::Recording;
+use pkm_tests::concealing::{alias_set, at, is_same, motions, named, shipped, told};
+
+/// Confidence above which a name counts as said.
+const SURE: f64 = 0.8;
+
+/// How a diagnosis without the true effect ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Ended {
+    /// Something is missing that has no name.
+    Unexplained,
+    /// Named, as something that recordings cannot tell from the truth.
+    Alias,
+    /// Named, and not sure of it.
+    Unsure,
+    /// Sure, and wrong.
+    Wrong,
+    /// Nothing was said at all.
+    Silent,
+}
+
+fn verdict(nominal: &Description, r: &[Recording], without: &[&str]) -> Verdict {
+    let settings = Settings { without: without.iter().map(|w| (*w).to_string()).collect(), ..Settings::default() };
+    diagnose(nominal, &r[..1], &r[1..], &settings, &mut |_| {}).expect("the recordings are usable").verdict
+}
+
+/// What the verdict with the whole library cannot tell from the truth; `None` where it does not see the truth either.
+fn aliases(whole: &Verdict, truth: &EffectAt) -> Option<Vec<EffectAt>> {
+    let sets = whole.findings.iter().map(alias_set).filter(|set| set.iter().any(|e| is_same(e, truth)));
+    let mut out: Vec<EffectAt> = sets.flatten().collect();
+    if out.is_empty() {
+        return None;
+    }
+    let m = &whole.isolability;
+    let at = |i: usize| EffectAt { effect: m.effects[i].effect.clone(), place: m.effects[i].place.clone(), separating_experiment: String::new() };
+    for i in (0..m.effects.len()).filter(|&i| is_same(&at(i), truth)) {
+        out.extend((0..m.effects.len()).filter(|&j| m.cosines[i][j] > ALIAS_COSINE).map(at));
+    }
+    Some(out)
+}
+
+fn ended(v: &Verdict, aliases: &[EffectAt]) -> Ended {
+    let is_alias = |f: &Finding| alias_set(f).iter().any(|e| aliases.iter().any(|a| is_same(a, e)));
+    if v.findings.iter().any(|f| f.confidence > SURE && !is_alias(f)) {
+        Ended::Wrong
+    } else if v.findings.iter().any(is_alias) {
+        Ended::Alias
+    } else if v.unexplained.present {
+        Ended::Unexplained
+    } else if v.findings.is_empty() {
+        Ended::Silent
+    } else {
+        Ended::Unsure
+    }
+}
+
+/// A line of the table, and how it ended; `None` where the whole library does not see the effect, or nothing moves with it.
+fn case(nominal: &Description, effect: &str, seed: u64) -> Option<(String, Ended)> {
+    let hidden = pkm_sim::draw(seed, nominal, Some(effect), &[]).ok()?;
+    let r = motions(nominal, &hidden, &[10 * seed + 1, 10 * seed + 2])?;
+    let places = hidden[0].place_names(&nominal.bare);
+    let truth = at(effect, &places);
+    let whole = verdict(nominal, &r, &[]);
+    let aliases = aliases(&whole, &truth)?;
+    let v = verdict(nominal, &r, &[effect]);
+    assert!(v.findings.iter().flat_map(alias_set).all(|e| e.effect != effect), "{effect} was left out: {}", told(&v));
+    assert!(v.notes.iter().any(|n| n.contains(effect)), "{:?}", v.notes);
+    let ended = ended(&v, &aliases);
+    let is_named = if whole.findings.iter().any(|f| is_same(&named(f), &truth)) { "named" } else { "alias" };
+    let h = [whole.heldout.rms_nominal, whole.heldout.rms_final, v.heldout.rms_final].map(|x| format!("{x:.3}")).join(" → ");
+    let place = truth.place.join(",");
+    Some((format!("| {} | {seed} | {effect}@{place} | {is_named} | {ended:?} | {h} | {} |", nominal.bare.name, told(&v)), ended))
+}
+
+const HEAD: &str = "| robot | seed | concealed | whole library | without it | held-out error as given → whole → without | said without it |\n\
+                    |---|---|---|---|---|---|---|\n";
+
+#[test]
+fn without_the_true_effect_no_wrong_name_is_sure() {
+    let is_long = std::env::var_os("PKM_LONG").is_some();
+    let all = pkm_diagnose::looked_for();
+    let (robots, effects): (&[&str], &[&str]) =
+        if is_long { (&["prs3", "serial_arm"], &all) } else { (&["prs3"], &["friction_load", "torque_constant"]) };
+    let mut cases = Vec::new();
+    for robot in robots {
+        let nominal = shipped(robot);
+        cases.extend(effects.iter().filter_map(|e| case(&nominal, e, 1)));
+    }
+    let lines: Vec<&str> = cases.iter().map(|(line, _)| line.as_str()).collect();
+    let good = cases.iter().filter(|(_, e)| !matches!(e, Ended::Wrong | Ended::Silent)).count();
+    let text = format!("{HEAD}{}\n\nno wrong name that is sure, and not silent: {good} of {}\n", lines.join("\n"), cases.len());
+    pkm_tests::results_table("left_out", &text);
+    assert!(!cases.is_empty() && 5 * good >= 4 * cases.len(), "{text}");
+}
