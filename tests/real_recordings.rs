@@ -128,6 +128,75 @@ fn dvrk_spring_on_the_wrist_is_named_and_halves_what_is_left() {
     let wrist = v.heldout.joints.iter().find(|j| j.joint == "wrist_pitch").expect("every drive is judged");
     // Published with the spring: 19.6 %; without it: 83 %.
     assert!(wrist.rms_final < 0.26 * wrist.rms_tau, "{} of {}", wrist.rms_final, wrist.rms_tau);
+    assert_cable_and_mean(&v);
+}
+
+/// The cable bundle that turns with the platform is a force along its drive's stroke; and the mean over the joints is what the source leaves
+/// with spring and cable, 19.8 to 20.8 %, and not what friction alone leaves, 36.2 %.
+fn assert_cable_and_mean(v: &Verdict) {
+    assert!(may_be(v, &["cable_force", "spring"], "platform_drive").is_some(), "{}", v.says);
+    let joints = &v.heldout.joints;
+    let mean = joints.iter().map(|j| j.rms_final / j.rms_tau).sum::<f64>() / joints.len() as f64;
+    assert!(mean < 0.24, "{mean} is left in the mean over the joints");
+}
+
+/// The finding that is one of the names at the place, or says that it cannot be told from it.
+fn may_be<'v>(v: &'v Verdict, names: &[&str], place: &str) -> Option<&'v Finding> {
+    let is = |effect: &str, at: &[String]| names.contains(&effect) && at == [place.to_string()];
+    v.findings.iter().find(|f| is(&f.effect, &f.place) || f.cannot_tell_from.iter().any(|a| is(&a.effect, &a.place)))
+}
+
+fn is_long() -> bool {
+    std::env::var_os("PKM_LONG").is_some()
+}
+
+/// Robot, recordings to learn from and to judge on, and band of an entry of the list of robots whose missing physics is published.
+fn listed(folder: &str) -> Option<(Description, Vec<Recording>, Vec<Recording>, Option<f64>)> {
+    let root = data(folder)?;
+    let real = pkm_trials::real::known().expect("the list reads").into_iter().find(|r| r.folder == folder).expect("an entry of the list");
+    let all = |names: &[String]| names.iter().map(|name| read(&root.join(name))).collect();
+    Some((load(&root.join("robot.toml")).expect("a readable robot"), all(&real.learn), all(&real.judge), real.band))
+}
+
+#[test]
+fn dvrk_cable_torque_and_spring_are_placed_in_the_published_band() {
+    let Some((robot, learn, judge, band)) = is_long().then(|| listed("dvrk_mtm")).flatten() else { return };
+    let v = run(&robot, &learn, &judge, band).verdict;
+    assert!(may_be(&v, &["spring"], "wrist_pitch").is_some(), "{}", v.says);
+    assert_cable_and_mean(&v);
+}
+
+#[test]
+fn servo_friction_that_grows_with_load_is_named() {
+    let Some((robot, learn, judge, band)) = listed("servo_xl330") else { return };
+    let v = run(&robot, &learn, &judge, band).verdict;
+    let f = may_be(&v, &["friction_load"], "servo").unwrap_or_else(|| panic!("{}", v.says));
+    // Losses in driving and in being driven back are friction in proportion to load as well; nothing else may stand for it.
+    assert!(["friction_load", "directional_efficiency"].contains(&f.effect.as_str()), "{}", v.says);
+    // Least squares with Coulomb, viscous and load-dependent friction on the same rows leave 30.2 % [the recordings' own table].
+    assert!(v.heldout.rms_final < 0.302, "{} of the effort is left", v.heldout.rms_final);
+}
+
+#[test]
+fn upv_3prs_friction_is_named_in_all_drives_and_a_rotor_cannot_be_told_from_a_mass() {
+    let Some((robot, learn, judge, band)) = is_long().then(|| listed("upv_3prs")).flatten() else { return };
+    let v = run(&robot, &learn, &judge, band).verdict;
+    // Least squares with Coulomb, viscous, offset and rotor on the recording itself.
+    for (joint, coulomb, viscous) in [("q1", 106.0, 2310.0), ("q6", 154.0, 2250.0), ("q8", 124.0, 1930.0)] {
+        for (effect, parameter, size) in [("friction_coulomb", "coulomb", coulomb), ("friction_viscous", "viscous", viscous)] {
+            let f = found(&v, effect, joint).unwrap_or_else(|| panic!("{effect} at {joint}: {}", v.says));
+            assert_within(&format!("{parameter} at {joint}"), f.parameters[parameter].value, size, 0.2);
+        }
+    }
+    let mass = ["inertia_error", "payload"];
+    let is_pair = |f: &Finding| {
+        let has =
+            |names: &[&str]| names.contains(&f.effect.as_str()) || f.cannot_tell_from.iter().any(|a| names.contains(&a.effect.as_str()));
+        has(&["rotor_inertia"]) && has(&mass)
+    };
+    assert!(v.findings.iter().any(is_pair), "{}", v.says);
+    // As given 87 %, with all of it 13 % on blocks that were not fitted.
+    assert!(v.heldout.rms_final < 0.15, "{} of the effort is left", v.heldout.rms_final);
 }
 
 /// The recording's motion with the effort of `robot` itself plus noise: nothing is missing.
@@ -150,7 +219,7 @@ fn refined(robot: &Description, d: &Diagnosis) -> Description {
 
 #[test]
 fn the_same_runs_with_nothing_missing_raise_at_most_one_alarm() {
-    let seeds = if std::env::var_os("PKM_LONG").is_some() { 20 } else { 2 };
+    let seeds = if is_long() { 20 } else { 2 };
     let mut alarms = Vec::new();
     let mut runs = 0;
     if let Some((robot, train, pulses)) = emps() {
@@ -231,29 +300,28 @@ fn agrees(robot: &Description, f: &Finding, v: &Verdict) -> Option<&'static str>
 }
 
 /// Verdicts on the two halves of what a robot of the list is learned from: halves in time, or every second recording where there are four.
-fn halves(real: &pkm_trials::real::Real, root: &Path, robot: &Description, keep: f64) -> [Verdict; 2] {
-    let learn: Vec<Recording> = real.learn.iter().map(|name| read(&root.join(name))).collect();
-    let judge: Vec<Recording> = real.judge.iter().map(|name| part(&read(&root.join(name)), 0.0, keep)).collect();
+fn halves(robot: &Description, learn: &[Recording], judge: &[Recording], band_hz: Option<f64>) -> [Verdict; 2] {
     [0, 1].map(|half| {
-        let of_time = |r: &Recording| part(r, 0.5 * keep * half as f64, 0.5 * keep * (half + 1) as f64);
-        let train: Vec<Recording> =
-            if learn.len() < 4 { learn.iter().map(of_time).collect() } else { learn.iter().skip(half).step_by(2).cloned().collect() };
-        run(robot, &train, &judge, real.band).verdict
+        let of_time = |r: &Recording| part(r, 0.5 * f64::from(half), 0.5 * f64::from(half + 1));
+        let train: Vec<Recording> = if learn.len() < 4 {
+            learn.iter().map(of_time).collect()
+        } else {
+            learn.iter().skip(usize::from(half == 1)).step_by(2).cloned().collect()
+        };
+        run(robot, &train, judge, band_hz).verdict
     })
 }
 
 #[test]
 fn no_half_of_a_recording_denies_what_the_other_names() {
-    let is_long = std::env::var_os("PKM_LONG").is_some();
     let (mut lines, mut denied, mut tried) = (Vec::new(), Vec::new(), 0);
     for real in pkm_trials::real::known().expect("the list reads") {
         // One joint each: the others take minutes.
-        if !is_long && !["emps", "servo_xl330"].contains(&real.folder.as_str()) {
+        if !is_long() && !["emps", "servo_xl330"].contains(&real.folder.as_str()) {
             continue;
         }
-        let Some(root) = data(&real.folder) else { continue };
-        let robot = load(&root.join("robot.toml")).expect("a readable robot");
-        let halves = halves(&real, &root, &robot, 1.0);
+        let Some((robot, learn, judge, band)) = listed(&real.folder) else { continue };
+        let halves = halves(&robot, &learn, &judge, band);
         for (half, v) in halves.iter().enumerate() {
             for f in &v.findings {
                 let why = agrees(&robot, f, &halves[1 - half]);
