@@ -150,26 +150,38 @@ fn is_long() -> bool {
     std::env::var_os("PKM_LONG").is_some()
 }
 
-/// Robot, recordings to learn from and to judge on, and band of an entry of the list of robots whose missing physics is published.
-fn listed(folder: &str) -> Option<(Description, Vec<Recording>, Vec<Recording>, Option<f64>)> {
+/// An entry of the list of robots whose missing physics is published.
+struct Listed {
+    robot: Description,
+    learn: Vec<Recording>,
+    judge: Vec<Recording>,
+    band_hz: Option<f64>,
+}
+
+impl Listed {
+    fn verdict(&self) -> Verdict {
+        run(&self.robot, &self.learn, &self.judge, self.band_hz).verdict
+    }
+}
+
+fn listed(folder: &str) -> Option<Listed> {
     let root = data(folder)?;
     let real = pkm_trials::real::known().expect("the list reads").into_iter().find(|r| r.folder == folder).expect("an entry of the list");
     let all = |names: &[String]| names.iter().map(|name| read(&root.join(name))).collect();
-    Some((load(&root.join("robot.toml")).expect("a readable robot"), all(&real.learn), all(&real.judge), real.band))
+    let robot = load(&root.join("robot.toml")).expect("a readable robot");
+    Some(Listed { robot, learn: all(&real.learn), judge: all(&real.judge), band_hz: real.band })
 }
 
 #[test]
 fn dvrk_cable_torque_and_spring_are_placed_in_the_published_band() {
-    let Some((robot, learn, judge, band)) = is_long().then(|| listed("dvrk_mtm")).flatten() else { return };
-    let v = run(&robot, &learn, &judge, band).verdict;
+    let Some(v) = is_long().then(|| listed("dvrk_mtm")).flatten().map(|l| l.verdict()) else { return };
     assert!(may_be(&v, &["spring"], "wrist_pitch").is_some(), "{}", v.says);
     assert_cable_and_mean(&v);
 }
 
 #[test]
 fn servo_friction_that_grows_with_load_is_named() {
-    let Some((robot, learn, judge, band)) = listed("servo_xl330") else { return };
-    let v = run(&robot, &learn, &judge, band).verdict;
+    let Some(v) = listed("servo_xl330").map(|l| l.verdict()) else { return };
     let f = may_be(&v, &["friction_load"], "servo").unwrap_or_else(|| panic!("{}", v.says));
     // Losses in driving and in being driven back are friction in proportion to load as well; nothing else may stand for it.
     assert!(["friction_load", "directional_efficiency"].contains(&f.effect.as_str()), "{}", v.says);
@@ -179,8 +191,7 @@ fn servo_friction_that_grows_with_load_is_named() {
 
 #[test]
 fn upv_3prs_friction_is_named_in_all_drives_and_a_rotor_cannot_be_told_from_a_mass() {
-    let Some((robot, learn, judge, band)) = is_long().then(|| listed("upv_3prs")).flatten() else { return };
-    let v = run(&robot, &learn, &judge, band).verdict;
+    let Some(v) = is_long().then(|| listed("upv_3prs")).flatten().map(|l| l.verdict()) else { return };
     // Least squares with Coulomb, viscous, offset and rotor on the recording itself.
     for (joint, coulomb, viscous) in [("q1", 106.0, 2310.0), ("q6", 154.0, 2250.0), ("q8", 124.0, 1930.0)] {
         for (effect, parameter, size) in [("friction_coulomb", "coulomb", coulomb), ("friction_viscous", "viscous", viscous)] {
@@ -300,7 +311,8 @@ fn agrees(robot: &Description, f: &Finding, v: &Verdict) -> Option<&'static str>
 }
 
 /// Verdicts on the two halves of what a robot of the list is learned from: halves in time, or every second recording where there are four.
-fn halves(robot: &Description, learn: &[Recording], judge: &[Recording], band_hz: Option<f64>) -> [Verdict; 2] {
+fn halves(all: &Listed) -> [Verdict; 2] {
+    let learn = &all.learn;
     [0, 1].map(|half| {
         let of_time = |r: &Recording| part(r, 0.5 * f64::from(half), 0.5 * f64::from(half + 1));
         let train: Vec<Recording> = if learn.len() < 4 {
@@ -308,7 +320,7 @@ fn halves(robot: &Description, learn: &[Recording], judge: &[Recording], band_hz
         } else {
             learn.iter().skip(usize::from(half == 1)).step_by(2).cloned().collect()
         };
-        run(robot, &train, judge, band_hz).verdict
+        run(&all.robot, &train, &all.judge, all.band_hz).verdict
     })
 }
 
@@ -320,11 +332,11 @@ fn no_half_of_a_recording_denies_what_the_other_names() {
         if !is_long() && !["emps", "servo_xl330"].contains(&real.folder.as_str()) {
             continue;
         }
-        let Some((robot, learn, judge, band)) = listed(&real.folder) else { continue };
-        let halves = halves(&robot, &learn, &judge, band);
+        let Some(all) = listed(&real.folder) else { continue };
+        let halves = halves(&all);
         for (half, v) in halves.iter().enumerate() {
             for f in &v.findings {
-                let why = agrees(&robot, f, &halves[1 - half]);
+                let why = agrees(&all.robot, f, &halves[1 - half]);
                 let line = format!(
                     "| {} | {} | {}@{} | {:.2} | {} |",
                     real.folder,
