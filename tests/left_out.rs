@@ -6,7 +6,7 @@
 //! recording of the kind says which.
 
 use pkm_diagnose::isolability::ALIAS_COSINE;
-use pkm_diagnose::verdict::{EffectAt, Finding, Verdict};
+use pkm_diagnose::verdict::{EffectAt, Finding, Status, Verdict};
 use pkm_diagnose::{Settings, diagnose};
 use pkm_dyn::urdf::Description;
 use pkm_ident::Recording;
@@ -65,7 +65,7 @@ fn ended(v: &Verdict, whole: &Verdict, aliases: &[EffectAt]) -> Ended {
         if v.heldout.rms_final <= AS_GOOD * whole.heldout.rms_final { Ended::Together } else { Ended::Wrong }
     } else if v.findings.iter().any(is_alias) {
         Ended::Alias
-    } else if v.unexplained.present {
+    } else if v.unexplained.present || v.status == Status::NotRepeatable {
         Ended::Unexplained
     } else if v.findings.is_empty() {
         Ended::Silent
@@ -147,4 +147,10 @@ fn without_the_true_effect_no_wrong_name_is_sure_on_a_3prs() {
     }
     let ([n, good], text) = table("prs3", &pkm_diagnose::looked_for(), 1..=1);
     assert!(n > 0 && is_fair(good, n), "{text}");
+}
+
+#[test]
+fn what_does_not_repeat_is_told_without_its_name() {
+    let (line, ended) = case(&shipped("five_bar"), "active_limb", 1).expect("the whole library sees it");
+    assert!(ended == Ended::Unexplained, "{line}");
 }

@@ -55,11 +55,14 @@ struct Scatter {
 
 /// Looks for a person in what the final model leaves where the joints move, for one that sticks is held by what it is pushed with; changes the verdict and the refined robot where there is one.
 pub(crate) fn look_for_a_person(work: &Work, left: &Left, (verdict, refined): (&mut Verdict, &mut Refined), settings: &Settings) {
-    let Some(entry) = find("active_limb").filter(|e| !settings.leaves_out(e.name)) else { return };
+    let Some(entry) = find("active_limb") else { return };
     let Some(scatter) = scatter(work, left) else { return };
     tracing::debug!(scatter.over_noise, scatter.share, scatter.size, scatter.periods, "what does not repeat");
     if scatter.over_noise < ABOVE_NOISE || scatter.share < MOSTLY || scatter.size < WORTH {
         return;
+    }
+    if settings.leaves_out(entry.name) {
+        return say_without_its_name(verdict, &scatter);
     }
     let places = places(work, &scatter);
     let Some((link, rms, unexplained)) = places.first().copied() else { return };
@@ -116,6 +119,15 @@ pub(crate) fn look_for_a_person(work: &Work, left: &Left, (verdict, refined): (&
     verdict.says = format!("Not repeatable: {says} No model of the robot can predict it.");
     verdict.findings.push(finding);
     refined.effects.push(Applied::at(entry, link, vec![rms]));
+}
+
+/// What does not repeat, where the name of its cause is left out.
+fn say_without_its_name(verdict: &mut Verdict, scatter: &Scatter) {
+    let (share, periods) = (100.0 * scatter.share, scatter.periods);
+    verdict.status = Status::NotRepeatable;
+    verdict.nothing_missing = false;
+    verdict.says =
+        format!("Not repeatable: over {periods} periods of one motion {share:.0} % of what is left differs from period to period.");
 }
 
 /// Rows per period of a motion, and whole periods in it; `None` where it does not repeat often enough.
