@@ -4,6 +4,7 @@ extern crate alloc;
 
 #[path = "controllers/closed_loop.rs"]
 pub mod closed_loop;
+pub mod concealing;
 pub mod fuzzing;
 
 use alloc::collections::BTreeMap;

@@ -619,6 +619,7 @@ def diagnose(
     band_hz: float | None = None,
     floor: float | None = None,
     seed: int | None = None,
+    without: Sequence[str] | None = None,
     progress: Progress = None,
 ) -> Report:
     """Compares recordings with the robot's model: where they differ, which physics is missing, how much, how much better it fits."""

@@ -166,8 +166,8 @@ pub(crate) fn signals(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<Sign
     Ok(all)
 }
 
-fn settings(band_hz: Option<f64>, floor: Option<f64>, seed: Option<u64>) -> PyResult<Settings> {
-    let mut settings = Settings { band_hz, ..Settings::default() };
+fn settings(band_hz: Option<f64>, floor: Option<f64>, seed: Option<u64>, without: Option<Vec<String>>) -> PyResult<Settings> {
+    let mut settings = Settings { band_hz, without: without.unwrap_or_default(), ..Settings::default() };
     if let Some(floor) = floor {
         if !(0.0..1.0).contains(&floor) {
             return Err(error::value(format!("floor = {floor} (must be >= 0 and < 1)")));
@@ -182,10 +182,11 @@ fn settings(band_hz: Option<f64>, floor: Option<f64>, seed: Option<u64>) -> PyRe
 ///
 /// `recordings`, `holdout`: a recording or a sequence of them; without `holdout`, part of each recording is held out. `band_hz`:
 /// low-pass for effort and model alike `[Hz]`, chosen from the motion when None; `floor`: smallest held-out gain worth a name, as a
-/// share of the squared error; `seed`: of the null runs; `progress`: called with the share done, 0 to 1, or True for a bar.
+/// share of the squared error; `seed`: of the null runs; `without`: names of effects that are not looked for (what if it were not
+/// friction?); `progress`: called with the share done, 0 to 1, or True for a bar.
 #[pyfunction]
 #[pyo3(signature = (robot, recordings, *, holdout = None, band_hz = None, floor = None, seed = None,
-    progress = None))]
+    without = None, progress = None))]
 #[expect(clippy::too_many_arguments, reason = "keywords in Python: the fields of the settings by name")]
 pub(crate) fn diagnose(
     py: Python<'_>,
@@ -195,9 +196,10 @@ pub(crate) fn diagnose(
     band_hz: Option<f64>,
     floor: Option<f64>,
     seed: Option<u64>,
+    without: Option<Vec<String>>,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Report> {
-    let settings = settings(band_hz, floor, seed)?;
+    let settings = settings(band_hz, floor, seed, without)?;
     let train = signals("recordings", recordings)?;
     let holdout = holdout.map_or(Ok(Vec::new()), |h| signals("holdout", h))?;
     let description = Arc::clone(robot.get().description());

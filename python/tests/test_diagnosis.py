@@ -20,6 +20,16 @@ def test_hidden_friction_is_found(hidden):
     assert verdict["recordings"][0]["path"] == recording.name
 
 
+def test_what_is_left_out_is_neither_found_nor_an_alias(hidden):
+    robot, recording, report, _ = hidden
+    left_out = ["friction_coulomb", "friction_presliding"]
+    verdict = pkm.diagnose(robot, recording, without=left_out).verdict
+    said = [e["effect"] for f in verdict["findings"] for e in [f, *f["cannot_tell_from"]]]
+    assert not set(said) & set(left_out) and "friction_coulomb" in {f["effect"] for f in report.findings}
+    assert "friction_coulomb, friction_presliding" in verdict["notes"][0]
+    assert not verdict["nothing_missing"]
+
+
 def test_a_report_reads_as_text(hidden):
     _, _, report, _ = hidden
     text = str(report)

@@ -97,6 +97,7 @@ def test_scenarios_and_diagnoses_that_cannot_be(prs3):
     short = pkm.Recording([0.0, 1.0], {"q.q1": [1.0, 2.0]}, name="short")
     refused(ValueError, lambda: pkm.diagnose(prs3, short), "short")
     refused(ValueError, lambda: pkm.diagnose(prs3, short, floor=2.0), "floor = 2")
+    refused(ValueError, lambda: pkm.diagnose(prs3, short, without=["grease"]), '"grease"')
     refused(TypeError, lambda: pkm.diagnose(prs3, "a.csv"), "recordings holds str", "Recording")
     refused(TypeError, lambda: pkm.diagnose(prs3, short, holdout=[short, 3]), "holdout holds int")
     with pytest.raises(TypeError):

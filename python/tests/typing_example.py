@@ -40,7 +40,7 @@ spread: NDArray[numpy.float64] = estimate.theta_base_ / numpy.sqrt(numpy.diag(es
 better: pkm.Robot = estimate.robot_
 words: list[str] = [estimate.status_, *estimate.notes_, *estimate.names_, *estimate.names_base_]
 
-report = pkm.diagnose(robot, [pkm.read("a.csv")], holdout=recording, band_hz=8.0, floor=0.03, seed=1, progress=print)
+report = pkm.diagnose(robot, [pkm.read("a.csv")], holdout=recording, band_hz=8.0, without=["spring"], seed=1, progress=print)
 assert_type(report, pkm.Report)
 text: str = str(report) + report.html() + report.findings[0]["says"]
 after: float = report.verdict["heldout"]["rms_final"]

@@ -101,7 +101,7 @@ pub(crate) fn assemble(
         invisible,
         ruled_out: evidence.ruled_out.iter().filter(|s| s.gain.is_finite() && s.surprise.is_finite()).take(TOLD).cloned().collect(),
         isolability: isolability(work),
-        notes: notes(work, fin.motions, strain.as_ref()),
+        notes: settings.note_of_without().into_iter().chain(notes(work, fin.motions, strain.as_ref())).collect(),
         internal_effort: strain,
         replay: Vec::new(),
         refined_model: String::new(),

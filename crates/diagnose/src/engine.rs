@@ -71,6 +71,8 @@ pub fn diagnose_watched(
     watch: &mut dyn Watch,
 ) -> Result<Diagnosis, InputError> {
     let (train, holdout) = recordings;
+    let only = settings.looked_for()?;
+    let controller = controller.filter(|_| !settings.leaves_out("controller_mismatch"));
     let robot = &description.robot;
     let first = if holdout.is_empty() { Use::Both } else { Use::Train };
     let all: Vec<(&Recording, Use)> = train.iter().map(|r| (r, first)).chain(holdout.iter().map(|r| (r, Use::Holdout))).collect();
@@ -115,7 +117,7 @@ pub fn diagnose_watched(
     }
     let design = Design::new(robot, &motions, band);
     watch.located(located(&robot.model, &motions, &design).as_ref());
-    let mut work = Work::new(robot, &mut motions, design, band);
+    let mut work = Work::new(robot, &mut motions, design, band, only.as_deref());
     if let Some(reasons) = crate::enough::reasons(&work.design, band) {
         return Ok(gate::unusable(robot, &all, &reasons, notes));
     }

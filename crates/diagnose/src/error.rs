@@ -74,6 +74,14 @@ pub enum InputError {
         /// Robot name.
         robot: String,
     },
+    /// An effect to be left out that there is not.
+    #[error("without: no effect is called {name:?} (there are: {known})")]
+    Unknown {
+        /// As given.
+        name: String,
+        /// Names that a diagnosis looks for.
+        known: String,
+    },
     /// A band that no recording can show.
     #[error("band = {band} Hz (must be > 0 and below 0.4 of the sampling rate, {limit:.3} Hz)")]
     Band {

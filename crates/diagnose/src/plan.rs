@@ -51,7 +51,7 @@ pub struct PlanSettings {
     pub noise: BTreeMap<String, f64>,
     /// How far the model's inertias are believed.
     pub belief: Belief,
-    /// Band and what is worth a name, as in a diagnosis.
+    /// Band, what is worth a name and what is not looked for, as in a diagnosis.
     pub decision: Settings,
 }
 
@@ -171,7 +171,7 @@ pub fn plan(
     let (mut motions, band) = motions;
     let gains = crate::rows::FineGrid::new(motions[0].segment.dt, band).noise_gain();
     let weight: Vec<f64> = noise.iter().map(|s| 1.0 / (s * math::sqrt(gains[0]))).collect();
-    let mut work = Work::planned(robot, &mut motions, band, &weight, None);
+    let mut work = Work::planned(robot, &mut motions, band, &weight, settings.decision.looked_for()?.as_deref());
     work.kappa = settings.belief.share();
     if let Some(reasons) = crate::enough::too_few_to_fit(&work.design, band) {
         return Err(InputError::Short { recording: references[0].name.clone(), reason: reasons });

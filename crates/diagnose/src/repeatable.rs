@@ -61,6 +61,9 @@ pub(crate) fn look_for_a_person(work: &Work, left: &Left, (verdict, refined): (&
     if scatter.over_noise < ABOVE_NOISE || scatter.share < MOSTLY || scatter.size < WORTH {
         return;
     }
+    if settings.leaves_out(entry.name) {
+        return say_without_its_name(verdict, &scatter);
+    }
     let places = places(work, &scatter);
     let Some((link, rms, unexplained)) = places.first().copied() else { return };
     let name = |link: usize| work.robot.model.links[link].name.clone();
@@ -117,6 +120,15 @@ pub(crate) fn look_for_a_person(work: &Work, left: &Left, (verdict, refined): (&
     verdict.says = format!("Not repeatable: {says} No model of the robot can predict it.");
     verdict.findings.push(finding);
     refined.effects.push(Applied::at(entry, link, vec![rms]));
+}
+
+/// What does not repeat, where the name of its cause is left out.
+fn say_without_its_name(verdict: &mut Verdict, scatter: &Scatter) {
+    let (share, periods) = (100.0 * scatter.share, scatter.periods);
+    verdict.status = Status::NotRepeatable;
+    verdict.nothing_missing = false;
+    verdict.says =
+        format!("Not repeatable: over {periods} periods of one motion {share:.0} % of what is left differs from period to period.");
 }
 
 /// Rows per period of a motion, and whole periods in it; `None` where it does not repeat often enough.

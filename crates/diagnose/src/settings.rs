@@ -2,6 +2,9 @@
 
 use std::path::PathBuf;
 
+use crate::columns;
+use crate::error::InputError;
+
 /// Settings of a diagnosis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
@@ -25,9 +28,36 @@ pub struct Settings {
     /// Folder for a temporary file in which series of long recordings wait, beyond half a gigabyte of them; without one all stay in memory. It
     /// changes no number.
     pub scratch: Option<PathBuf>,
+    /// Names of effects that are not looked for: what would be said if it were none of these? The library without an effect is also how a
+    /// verdict on physics that the library lacks is tried.
+    pub without: Vec<String>,
 }
 
 impl Settings {
+    /// Names of the effects that are looked for; `None` is all of them.
+    ///
+    /// # Errors
+    /// A name in `without` that no effect has.
+    pub(crate) fn looked_for(&self) -> Result<Option<Vec<&'static str>>, InputError> {
+        if let Some(name) = self.without.iter().find(|name| pkm_dyn::effects::find(name).is_none()) {
+            return Err(InputError::Unknown { name: name.clone(), known: columns::looked_for().join(", ") });
+        }
+        let left = || columns::looked_for().into_iter().filter(|name| !self.leaves_out(name)).collect();
+        Ok(if self.without.is_empty() { None } else { Some(left()) })
+    }
+
+    /// Whether an effect is not looked for.
+    pub(crate) fn leaves_out(&self, effect: &str) -> bool {
+        self.without.iter().any(|name| name == effect)
+    }
+
+    /// What a verdict says of effects that were not looked for.
+    pub(crate) fn note_of_without(&self) -> Option<String> {
+        let names = || self.without.iter().map(String::as_str).collect::<alloc::collections::BTreeSet<_>>();
+        let list = || names().into_iter().collect::<Vec<_>>().join(", ");
+        (!self.without.is_empty()).then(|| format!("left out on request, so not looked for and in no list of this verdict: {}", list()))
+    }
+
     /// Smallest share of the squared error worth a name of a law with `n` coefficients: each must be worth what a single one must.
     pub(crate) fn floor_of(&self, n: usize) -> f64 {
         self.floor * n.max(1) as f64
@@ -50,6 +80,7 @@ impl Default for Settings {
             confirm_level: 0.05,
             seed: 1,
             scratch: None,
+            without: Vec::new(),
         }
     }
 }

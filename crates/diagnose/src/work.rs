@@ -107,9 +107,9 @@ pub(crate) struct Work<'w> {
 }
 
 impl<'w> Work<'w> {
-    /// Builds columns of every candidate, and weighs the joints by what was measured.
-    pub(crate) fn new(robot: &'w Robot, motions: &'w mut [Motion], design: Design, band: f64) -> Self {
-        let mut out = Self::unweighted(robot, motions, (design, band), None);
+    /// Builds columns of every candidate, or of the named effects only, and weighs the joints by what was measured.
+    pub(crate) fn new(robot: &'w Robot, motions: &'w mut [Motion], design: Design, band: f64, only: Option<&[&str]>) -> Self {
+        let mut out = Self::unweighted(robot, motions, (design, band), only);
         out.weigh();
         out
     }

@@ -11,6 +11,7 @@ use pkm_ident::Recording;
 use pkm_record::ReadOptions;
 use pkm_sim::SimError;
 
+use crate::effects;
 use crate::out;
 use crate::outputs::is_same_file;
 use crate::progress::Progress;
@@ -30,6 +31,9 @@ pub(crate) struct SettingsArgs {
     /// Null runs per decision, 19 to 9999 [default: 199].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(19..=9999))]
     null_runs: Option<u16>,
+    /// Do not look for this effect: what if it were not friction? May be given several times, or with commas between the names.
+    #[arg(long, value_name = "EFFECT", value_delimiter = ',', value_parser = effects::names(), hide_possible_values = true)]
+    without: Vec<String>,
 }
 
 impl SettingsArgs {
@@ -42,6 +46,7 @@ impl SettingsArgs {
             seed: self.seed.unwrap_or(default.seed),
             null_runs: self.null_runs.map_or(default.null_runs, usize::from),
             scratch: Some(std::env::temp_dir()),
+            without: self.without.clone(),
             ..default
         }
     }

@@ -26,7 +26,7 @@ pub(crate) struct Args {
 }
 
 /// The catalogue's names, for completion and for those who misspell one.
-fn names() -> PossibleValuesParser {
+pub(crate) fn names() -> PossibleValuesParser {
     PossibleValuesParser::new(CATALOGUE.iter().map(|e| e.name))
 }
 

@@ -261,6 +261,8 @@ fn bad_usage() {
         (vec!["--recording", "A.csv", "--band", "9000"], &["9000", "Hz"]),
         (vec!["--recording", "A.csv", "--null-runs", "2"], &["2", "19..=9999"]),
         (vec!["--recording", "A.csv", "--floor", "2"], &["2", "--floor"]),
+        (vec!["--recording", "A.csv", "--without", "friction_colomb"], &["friction_colomb", "--without"]),
+        (vec!["--recording", "A.csv", "--without", "spring,grease"], &["grease", "--without"]),
         (vec!["--recording", "A.csv", "--recording", "./A.csv"], &["A.csv", "given twice"]),
         (vec!["--recording", "A.csv", "--holdout", "A.csv"], &["A.csv", "given twice"]),
         (vec!["--recording", "A.mcap", "--topic", "/nope"], &["A.mcap", "/nope"]),

@@ -175,6 +175,22 @@ fn a_diagnosis_writes_all_its_files_and_tells_by_its_exit_status() {
 }
 
 #[test]
+fn what_is_left_out_is_no_finding_and_the_verdict_says_that_it_was_left_out() {
+    let folder = rig_with_recordings();
+    let arguments =
+        ["diagnose", "rig.toml", "--recording", "A.csv", "--holdout", "B.csv", "--null-runs", "39", "--no-replay", "--json", "-"];
+    let without = ["--without", "friction_coulomb,friction_presliding", "--without", "friction_quadratic"];
+    let verdict: Value = serde_json::from_str(&prints(folder.path(), &[&arguments[..], &without].concat())).unwrap();
+    let said = serde_json::to_string(&[&verdict["findings"], &verdict["minimum_detectable"], &verdict["isolability"]]).unwrap();
+    assert!(
+        !["friction_coulomb", "friction_presliding", "friction_quadratic"].iter().any(|n| said.contains(&format!("\"effect\":\"{n}\"")))
+    );
+    let note = verdict["notes"][0].as_str().unwrap();
+    assert!(note.contains("left out on request") && note.ends_with("friction_coulomb, friction_presliding, friction_quadratic"), "{note}");
+    assert_ne!(verdict["nothing_missing"], true, "the friction is still there");
+}
+
+#[test]
 fn a_refined_robot_can_be_asked_for_without_json() {
     let folder = rig_with_recordings();
     let arguments = ["diagnose", "rig.toml", "--recording", "A.csv", "--refined", "better.toml", "--null-runs", "39"];
