@@ -72,6 +72,7 @@ pub(crate) fn assemble(
     for (f, &pick) in findings[first..].iter_mut().zip(&order) {
         let gains = priors::gains(work, pick, settings);
         f.says += &priors::sentence(&gains, settings.floor);
+        f.confidence *= priors::likeness(work, pick, &gains);
         f.depends_on_prior = Some(gains);
     }
     experiments::propose(work, &mut findings[first..], band);
@@ -243,7 +244,7 @@ fn p_value(search: f64, confirm: f64, settings: &Settings) -> f64 {
 }
 
 /// Rule of succession over the blocks in which the finding helped, times the chance that it is real at all: how sure it is that this, or what cannot
-/// be told from it, is there. A name shares that with all that it cannot be told from.
+/// be told from it, is there. A name shares that with all that it cannot be told from, and is as sure as what is left is like it.
 fn confidence(work: &Work, wins: usize, p_value: f64, motions: usize) -> f64 {
     let raw = (1.0 - p_value) * (wins + 1) as f64 / (work.design.n_folds + 2) as f64;
     // One motion alone is never confirmed, however often it is recorded: another load or motion might not show it.

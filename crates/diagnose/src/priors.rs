@@ -17,6 +17,15 @@ pub(crate) fn gains(work: &mut Work, index: usize, settings: &Settings) -> Prior
     PriorGains { anchored, soft, refit, soft_prior, depends }
 }
 
+/// Cosine between what is left without the pick at `index` and what the pick explains: the root of the share of squared error it takes away. What
+/// was left out explains all of what it leaves but noise; what merely resembles it explains less. A parameter that moved is judged beside the
+/// inertias as given, for they would take it up.
+pub(crate) fn likeness(work: &Work, index: usize, g: &PriorGains) -> f64 {
+    let family = work.candidates[work.picks[index].candidate].effect.family();
+    let gain = if matches!(family, Family::Standard | Family::Shift) { g.anchored } else { g.refit };
+    pkm_dyn::math::sqrt(gain.clamp(0.0, 1.0))
+}
+
 /// What to add to a finding's sentence; empty where it does not depend on the prior.
 pub(crate) fn sentence(g: &PriorGains, floor: f64) -> String {
     if !g.depends {

@@ -101,7 +101,7 @@ pub(crate) fn look_for_a_person(work: &Work, left: &Left, (verdict, refined): (&
         place: vec![name(link)],
         regime: vec!["all".to_string()],
         when: format!("differently in each of {} periods", scatter.periods),
-        confidence: sure / (1 + cannot_tell_from.len()) as f64,
+        confidence: sure * math::sqrt(scatter.share) / (1 + cannot_tell_from.len()) as f64,
         p_value: 1.0 / (settings.null_runs + 1) as f64,
         parameters: BTreeMap::from([("rms".to_string(), estimate)]),
         heldout_rms_before: now,

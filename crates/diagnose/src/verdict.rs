@@ -161,7 +161,8 @@ pub struct Finding {
     pub regime: Vec<String>,
     /// The regime in numbers, e.g. `|dq.q1| < 0.02 m/s, 31 % of samples`.
     pub when: String,
-    /// Probability that it is this effect: the chance that it, or one of `cannot_tell_from`, is there, shared evenly among all of them.
+    /// Probability that it is this effect: the chance that it, or one of `cannot_tell_from`, is there, shared evenly among all of them, times the
+    /// cosine between what is left without it and what it explains.
     pub confidence: f64,
     /// Family-wise p-value from B null runs; never below 1/(B+1).
     pub p_value: f64,
