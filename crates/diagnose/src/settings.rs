@@ -22,9 +22,11 @@ pub struct Settings {
     pub confirm_level: f64,
     /// Seed of the null runs' random phases.
     pub seed: u64,
-    /// Folder for a temporary file in which series of long recordings wait, beyond half a gigabyte of them; without one all stay in memory. It
-    /// changes no number.
+    /// Folder for a temporary file in which series of long recordings wait, beyond [`Settings::room`] of them; without one all stay in memory.
+    /// It changes no number.
     pub scratch: Option<PathBuf>,
+    /// Bytes of these series that stay in memory where there is a folder for the others.
+    pub room: usize,
 }
 
 impl Settings {
@@ -50,9 +52,13 @@ impl Default for Settings {
             confirm_level: 0.05,
             seed: 1,
             scratch: None,
+            room: ROOM,
         }
     }
 }
+
+/// Bytes of series that stay in memory: half a gigabyte, more than ten minutes at 1 kHz need.
+const ROOM: usize = 1 << 29;
 
 /// Harmonics of the fastest motion that the band keeps: dry friction answers a sine with its odd harmonics, the fifth has a fifth of
 /// the first's size.

@@ -24,7 +24,7 @@ const TURNS: u64 = 4;
 /// Arguments of `pkm driver-sim`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Reads the same file as the daemon: robot, limits, safe action and directory are the same on both sides. Either side may end and come back
+Reads the same file as the daemon: robot, limits, safe action and directory are the same on both sides. Either side may end and come back \
 without the other; a commander that falls silent loses the robot, which then applies the safe action.
 
 Exit codes: 0 ended as told, 70 internal error, 74 I/O, 75 another driver runs, 78 the configuration is wrong.
