@@ -44,8 +44,8 @@ Examples:
   pkm simulate prs3 --out A.mcap
   pkm simulate prs3 --out A.csv --seed 7 \\
       --hide 'friction_stribeck@q1:coulomb=12,stiction=21.3,stribeck_velocity=0.01'
-  pkm simulate prs3 --out A.csv \\
-      --hide 'friction_stribeck@q1:form=lugre,coulomb=12,stiction=21.3,stribeck_velocity=0.01,stiffness=1e5'
+  pkm simulate prs3 --out A.csv --hide \\
+    'friction_stribeck@q1:form=lugre,coulomb=12,stiction=21.3,stribeck_velocity=0.01,stiffness=1e5'
   pkm simulate prs3 --out A.mcap --controller controller.toml
   pkm simulate prs3 --out A.mcap --world world.toml
   pkm simulate serial_arm --out A.mcap --reference chirp --sweep 0.1:2 --noise none
