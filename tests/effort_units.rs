@@ -172,7 +172,9 @@ fn no_real_recording_is_taken_for_one_in_another_unit() {
         files.sort();
         for file in files {
             let r = read(&file);
-            assert_eq!(refusal(&description, from_ref(&r), &[]), None, "{robot}: {}", file.display());
+            // One of them is half gaps, which is told; none is in another unit.
+            let says = refusal(&description, from_ref(&r), &[]).unwrap_or_default();
+            assert!(!says.contains("Multiply by") && (says.is_empty() || says.contains("free of gaps")), "{robot}: {says}");
             judged += 1;
             if refusal(&description, &[times(&r, 1e-3, None)], &[]).is_some_and(|says| says.contains("Multiply by 1000 to have N")) {
                 told.push(format!("{robot}/{}", file.file_name().expect("a name").display()));
