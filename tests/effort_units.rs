@@ -1,8 +1,9 @@
 //! Efforts a thousand times too small or too large: recognised by what the model says of the same motion, and by nothing else that may be wrong
 //! with a robot. Real recordings are read through `PKM_DATA`; without it their test says "not run".
 
+use core::panic::AssertUnwindSafe;
 use core::slice::from_ref;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::panic::{catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 
 use pkm_diagnose::verdict::Status;
@@ -40,9 +41,12 @@ fn shipped(name: &str) -> Description {
     parse(robot.toml, robot.urdf, [robot.toml_name, robot.urdf_name]).expect("a shipped robot reads")
 }
 
-/// Ten seconds of the robot with `hidden` besides its files: effect, place, numbers.
-fn recorded(nominal: &Description, hidden: &[(&str, &str, &[(&str, f64)])], seed: u64) -> Recording {
-    let effect = |(name, place, numbers): &(&str, &str, &[(&str, f64)])| {
+/// Effect, place, numbers.
+type Hidden<'a> = (&'a str, &'a str, &'a [(&'a str, f64)]);
+
+/// Ten seconds of the robot with `hidden` besides its files.
+fn recorded(nominal: &Description, hidden: &[Hidden], seed: u64) -> Recording {
+    let effect = |(name, place, numbers): &Hidden| {
         let numbers: Vec<(String, f64)> = numbers.iter().map(|(n, v)| ((*n).to_string(), *v)).collect();
         Applied::try_new(&nominal.bare, name, place, &numbers).expect("a valid effect")
     };
@@ -110,7 +114,7 @@ fn one_column_or_one_held_out_recording_in_another_unit_is_named() {
 #[test]
 fn what_else_is_wrong_with_a_robot_is_no_unit_and_hides_none() {
     let robot = shipped("prs3");
-    let wrong: [(&str, &str, &[(&str, f64)]); 6] = [
+    let wrong: [Hidden; 6] = [
         ("torque_constant", "q1", &[("scale", 0.8)]),
         ("torque_constant", "q6", &[("scale", 1.25)]),
         ("payload", "platform", &[("mass", 10.0)]),

@@ -112,12 +112,14 @@ pub(crate) fn efforts_that_move(motion: &Motion) -> Vec<[Vec<f64>; 2]> {
         return pairs.map(|(tau, given)| [tau.clone(), given.clone()]).collect();
     }
     let series: Series = motion.segment.tau.iter().cloned().enumerate().collect();
-    let moved = spread(&motion.moves, &series).into_iter();
-    let pair = |((_, moved), (tau, given)): ((usize, Vec<f64>), (&Vec<f64>, &Vec<f64>))| {
+    let moved = spread(&motion.moves, &series).into_iter().map(|(_, x)| x);
+    let with_moved = pairs.zip(moved);
+    let mut out = Vec::with_capacity(motion.moves.len());
+    for ((tau, given), moved) in with_moved {
         let given = difference(given, &difference(tau, &moved));
-        [moved, given]
-    };
-    moved.zip(pairs).map(pair).collect()
+        out.push([moved, given]);
+    }
+    out
 }
 
 fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
