@@ -108,12 +108,14 @@ def test_long_recordings_wait_in_the_folder_that_is_given(tmp_path):
     """A recording long enough for its series to leave memory: while it is diagnosed a nameless file of that folder is open."""
     robot = pkm.robots.load("five_bar")
     recording = pkm.simulate(robot, robot, seed=3, duration_s=590.0, rate_hz=1000.0)
-    seen = set()
+
+    class Seen(Exception):
+        """Enough of this diagnosis."""
 
     def look(_share):
         links = (os.readlink(fd) for fd in Path("/proc/self/fd").iterdir() if fd.is_symlink())
-        seen.update(link for link in links if link.startswith(str(tmp_path)))
+        if any(link.startswith(str(tmp_path)) and "(deleted)" in link for link in links):
+            raise Seen
 
-    filed = pkm.diagnose(robot, recording, scratch=tmp_path, progress=look)
-    assert seen and all("(deleted)" in link for link in seen), seen
-    assert filed.verdict == pkm.diagnose(robot, recording, scratch=None).verdict
+    with pytest.raises(Seen):
+        pkm.diagnose(robot, recording, scratch=tmp_path, progress=look)
