@@ -128,3 +128,24 @@ fn the_largest_mismatch_is_told_before_any_cause_and_as_the_verdict_has_it() {
     assert!(cells.iter().all(|c| c.before <= 1.02 * there.before), "{first}: {cells:?}");
     assert!(first.share_of_error > 0.9 && first.share_of_error <= 1.0);
 }
+
+/// Nameless files of a folder that this process has open, where the system tells.
+fn open_in(folder: &std::path::Path) -> usize {
+    let Ok(all) = std::fs::read_dir("/proc/self/fd") else { return 0 };
+    let targets = all.flatten().filter_map(|fd| std::fs::read_link(fd.path()).ok());
+    targets.filter(|target| target.starts_with(folder) && target.to_string_lossy().contains("(deleted)")).count()
+}
+
+#[test]
+fn what_waits_in_a_file_is_diagnosed_as_what_stays_in_memory() {
+    let (robot, r) = (slides(), recording(30_000, 1.0));
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut most = 0;
+    let filed = Settings { scratch: Some(folder.path().to_path_buf()), room: 0, ..Settings::default() };
+    let filed = diagnose(&robot, core::slice::from_ref(&r), &[], &filed, &mut |_| most = most.max(open_in(folder.path())));
+    let filed = filed.expect("can be read");
+    let kept = diagnose(&robot, core::slice::from_ref(&r), &[], &Settings::default(), &mut |_| {}).expect("can be read");
+    assert_eq!((&filed.verdict, &filed.evidence), (&kept.verdict, &kept.evidence));
+    assert_eq!(most, usize::from(cfg!(target_os = "linux")), "files open in the folder at a time");
+    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0, "and none is left behind");
+}

@@ -620,9 +620,14 @@ def diagnose(
     floor: float | None = None,
     seed: int | None = None,
     without: Sequence[str] | None = None,
+    scratch: str | os.PathLike[str] | None = ...,
     progress: Progress = None,
 ) -> Report:
-    """Compares recordings with the robot's model: where they differ, which physics is missing, how much, how much better it fits."""
+    """Compares recordings with the robot's model: where they differ, which physics is missing, how much, how much better it fits.
+
+    `scratch`: folder for a nameless temporary file in which the series of long recordings wait, beyond half a gigabyte of them, by default
+    the system's own; with None all stay in memory, and no number changes.
+    """
 
 @type_check_only
 class UncertaintyKind(TypedDict):

@@ -1,6 +1,7 @@
 //! A diagnosis and its report.
 
 use alloc::sync::Arc;
+use std::env::temp_dir;
 use std::path::{Path, PathBuf};
 
 use pkm_diagnose::{Diagnosis, Evidence, Refined, Settings, Verdict};
@@ -166,8 +167,18 @@ pub(crate) fn signals(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<Sign
     Ok(all)
 }
 
-fn settings(band_hz: Option<f64>, floor: Option<f64>, seed: Option<u64>, without: Option<Vec<String>>) -> PyResult<Settings> {
-    let mut settings = Settings { band_hz, without: without.unwrap_or_default(), ..Settings::default() };
+fn settings(
+    band_hz: Option<f64>,
+    floor: Option<f64>,
+    seed: Option<u64>,
+    without: Option<Vec<String>>,
+    scratch: Option<PathBuf>,
+) -> PyResult<Settings> {
+    let given = scratch.iter().find(|folder| **folder != temp_dir());
+    if let Some(folder) = given.filter(|folder| !folder.is_dir()) {
+        return Err(error::value(format!("scratch = {} (must be a folder that is there, or None)", folder.display())));
+    }
+    let mut settings = Settings { band_hz, scratch, without: without.unwrap_or_default(), ..Settings::default() };
     if let Some(floor) = floor {
         if !(0.0..1.0).contains(&floor) {
             return Err(error::value(format!("floor = {floor} (must be >= 0 and < 1)")));
@@ -183,10 +194,12 @@ fn settings(band_hz: Option<f64>, floor: Option<f64>, seed: Option<u64>, without
 /// `recordings`, `holdout`: a recording or a sequence of them; without `holdout`, part of each recording is held out. `band_hz`:
 /// low-pass for effort and model alike `[Hz]`, chosen from the motion when None; `floor`: smallest held-out gain worth a name, as a
 /// share of the squared error; `seed`: of the null runs; `without`: names of effects that are not looked for (what if it were not
-/// friction?); `progress`: called with the share done, 0 to 1, or True for a bar.
+/// friction?); `scratch`: folder for a nameless temporary file in which the series of long recordings wait, beyond half a gigabyte of them,
+/// by default the system's own; with None all stay in memory, and no number changes; `progress`: called with the share done, 0 to 1, or
+/// True for a bar.
 #[pyfunction]
 #[pyo3(signature = (robot, recordings, *, holdout = None, band_hz = None, floor = None, seed = None,
-    without = None, progress = None))]
+    without = None, scratch = Some(temp_dir()), progress = None))]
 #[expect(clippy::too_many_arguments, reason = "keywords in Python: the fields of the settings by name")]
 pub(crate) fn diagnose(
     py: Python<'_>,
@@ -197,9 +210,10 @@ pub(crate) fn diagnose(
     floor: Option<f64>,
     seed: Option<u64>,
     without: Option<Vec<String>>,
+    scratch: Option<PathBuf>,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Report> {
-    let settings = settings(band_hz, floor, seed, without)?;
+    let settings = settings(band_hz, floor, seed, without, scratch)?;
     let train = signals("recordings", recordings)?;
     let holdout = holdout.map_or(Ok(Vec::new()), |h| signals("holdout", h))?;
     let description = Arc::clone(robot.get().description());

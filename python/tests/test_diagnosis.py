@@ -1,6 +1,8 @@
 """What the tool is for, from Python: hidden friction is found, proven, and the report says so in every form."""
 
 import json
+import os
+from pathlib import Path
 
 import numpy as np
 import pkm
@@ -98,3 +100,32 @@ def test_what_progress_raises_comes_back(hidden):
 
     with pytest.raises(RuntimeError, match="enough"):
         pkm.diagnose(robot, recording, progress=interrupt)
+
+
+def test_where_long_series_wait_changes_no_number(hidden, tmp_path):
+    robot, recording, _, _ = hidden
+    usual, kept, elsewhere = (pkm.diagnose(robot, recording, **how) for how in ({}, {"scratch": None}, {"scratch": tmp_path}))
+    assert usual.verdict == kept.verdict == elsewhere.verdict
+    for series, other in zip(usual.evidence["joints"], kept.evidence["joints"], strict=True):
+        assert all(np.array_equal(series[key], other[key]) for key in ("measured", "nominal", "refined"))
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(ValueError, match=r"scratch = .*nowhere \(must be a folder that is there, or None\)"):
+        pkm.diagnose(robot, recording, scratch=tmp_path / "nowhere")
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="files without a name are seen in /proc")
+def test_long_recordings_wait_in_the_folder_that_is_given(tmp_path):
+    """A recording long enough for its series to leave memory: while it is diagnosed a nameless file of that folder is open."""
+    robot = pkm.robots.load("five_bar")
+    recording = pkm.simulate(robot, robot, seed=3, duration_s=590.0, rate_hz=1000.0)
+
+    class Seen(Exception):
+        """Enough of this diagnosis."""
+
+    def look(_share):
+        links = (os.readlink(fd) for fd in Path("/proc/self/fd").iterdir() if fd.is_symlink())
+        if any(link.startswith(str(tmp_path)) and "(deleted)" in link for link in links):
+            raise Seen
+
+    with pytest.raises(Seen):
+        pkm.diagnose(robot, recording, scratch=tmp_path, progress=look)

@@ -178,6 +178,13 @@ def test_a_second_run_does_what_is_new(folder, tmp_path):
     moved.rename(robot)
     fourth = fleet.identify(fleet.find(str(root))[:1], table, workers=0, settings={"method": "wls"})
     assert len(fourth) == 5 and set(fourth["settings"]) == {"{}", '{"method": "wls"}'}
+    # Nor is it other work when its series wait elsewhere.
+    judged = str(tmp_path / "judged.parquet")
+    found = fleet.diagnose(fleet.find(str(root))[:1], judged, workers=0)
+    elsewhere = fleet.diagnose(fleet.find(str(root))[:1], judged, workers=0, settings={"scratch": str(tmp_path)})
+    assert len(elsewhere) == 1 and elsewhere["finished"].equals(found["finished"]) and set(elsewhere["settings"]) == {"{}"}
+    lacking = fleet.diagnose(fleet.find(str(root))[:1], str(tmp_path / "b"), workers=0, settings={"scratch": str(tmp_path / "no")})
+    assert "must be a folder that is there" in lacking["error"][0]
     record(robot / "2026-01-01", 0.5, 9)
     fifth = fleet.identify(fleet.find(str(root))[:1], table, workers=0)
     assert len(fifth) == 6
@@ -215,6 +222,16 @@ def test_files_may_lie_anywhere(folder, identified):
         assert rows[columns].to_json() == ours[columns].reset_index(drop=True).to_json()
     finally:
         memory.rm("/", recursive=True)
+
+
+def test_a_scheduler_is_reached_by_its_address(folder, identified, tmp_path):
+    """Started by somebody else, in processes of their own; it is there afterwards as well."""
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None, env={"RAYON_NUM_THREADS": "1"}) as cluster:
+        address = cluster.scheduler_address
+        assert address.startswith("tcp://")
+        same(fleet.identify(fleet.find(str(folder)), str(tmp_path / "t.parquet"), scheduler=address), identified)
+        with distributed.Client(address) as client:
+            assert len(client.nthreads()) == 1
 
 
 def test_robots_and_recordings_may_be_objects(folder, tmp_path):

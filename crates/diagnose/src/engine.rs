@@ -15,7 +15,7 @@ use crate::settings::Settings;
 use crate::shelf::Shelf;
 use crate::verdict::Use;
 use crate::work::Work;
-use crate::{gate, motion, search, segment, thinned};
+use crate::{gate, motion, search, segment, thinned, thousands};
 
 /// Finds the physics that the robot's files leave out of what the recordings show.
 ///
@@ -94,7 +94,7 @@ pub fn diagnose_watched(
     drop(cleaned);
     let (mut segments, thinned) = thinned::thin(segments);
     if let Some(folder) = &settings.scratch {
-        let shelf = Shelf::beside(folder);
+        let shelf = Shelf::with_room(settings.room / size_of::<f64>(), folder.clone());
         segments.iter_mut().for_each(|s| s.shelf = shelf.clone());
     }
     notes.extend(thinned);
@@ -111,7 +111,7 @@ pub fn diagnose_watched(
         }
         watch.progress(0.2 * (i + 1) as f64 / n as f64);
     }
-    let reasons = [gate::reasons(robot, &motions), gate::clocks(robot, &motions)].concat();
+    let reasons = [gate::reasons(robot, &motions), gate::clocks(robot, &motions), thousands::reasons(robot, &motions)].concat();
     if !reasons.is_empty() {
         return Ok(gate::unusable(robot, &all, &reasons, notes));
     }

@@ -60,6 +60,7 @@ mod solve;
 #[cfg(test)]
 mod testing;
 mod thinned;
+mod thousands;
 mod variety;
 pub mod verdict;
 mod window;

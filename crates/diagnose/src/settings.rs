@@ -25,12 +25,14 @@ pub struct Settings {
     pub confirm_level: f64,
     /// Seed of the null runs' random phases.
     pub seed: u64,
-    /// Folder for a temporary file in which series of long recordings wait, beyond half a gigabyte of them; without one all stay in memory. It
-    /// changes no number.
+    /// Folder for a temporary file in which series of long recordings wait, beyond [`Settings::room`] of them; without one all stay in memory.
+    /// It changes no number.
     pub scratch: Option<PathBuf>,
     /// Names of effects that are not looked for: what would be said if it were none of these? The library without an effect is also how a
     /// verdict on physics that the library lacks is tried.
     pub without: Vec<String>,
+    /// Bytes of these series that stay in memory where there is a folder for the others.
+    pub room: usize,
 }
 
 impl Settings {
@@ -81,9 +83,13 @@ impl Default for Settings {
             seed: 1,
             scratch: None,
             without: Vec::new(),
+            room: ROOM,
         }
     }
 }
+
+/// Bytes of series that stay in memory: half a gigabyte, more than ten minutes at 1 kHz need.
+const ROOM: usize = 1 << 29;
 
 /// Harmonics of the fastest motion that the band keeps: dry friction answers a sine with its odd harmonics, the fifth has a fifth of
 /// the first's size.

@@ -105,6 +105,23 @@ pub(crate) fn as_measured(motion: &Motion, efforts: &mut [Vec<f64>]) {
     }
 }
 
+/// Measured efforts and those of the model as given, drive by drive: of surplus drives the part that moves the robot.
+pub(crate) fn efforts_that_move(motion: &Motion) -> Vec<[Vec<f64>; 2]> {
+    let pairs = motion.segment.tau.iter().zip(&motion.nominal[0]);
+    if motion.moves.is_empty() {
+        return pairs.map(|(tau, given)| [tau.clone(), given.clone()]).collect();
+    }
+    let series: Series = motion.segment.tau.iter().cloned().enumerate().collect();
+    let moved = spread(&motion.moves, &series).into_iter().map(|(_, x)| x);
+    let with_moved = pairs.zip(moved);
+    let mut out = Vec::with_capacity(motion.moves.len());
+    for ((tau, given), moved) in with_moved {
+        let given = difference(given, &difference(tau, &moved));
+        out.push([moved, given]);
+    }
+    out
+}
+
 fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
 }

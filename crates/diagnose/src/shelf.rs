@@ -7,11 +7,8 @@ use alloc::collections::BTreeMap;
 use alloc::sync::Arc;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-
-/// Numbers that all series of one diagnosis may keep in memory: half a gigabyte.
-const ROOM: usize = 1 << 26;
 
 /// Numbers of a series that is taken sample by sample that lie in memory before they are put away.
 const CHUNK: usize = 1 << 13;
@@ -45,12 +42,7 @@ impl Default for Shelf {
 }
 
 impl Shelf {
-    /// With a temporary file in `folder` for what is beyond half a gigabyte.
-    pub(crate) fn beside(folder: &Path) -> Self {
-        Self::with_room(ROOM, folder.to_path_buf())
-    }
-
-    /// Keeps `room` numbers in memory.
+    /// Keeps `room` numbers in memory, and what is beyond in a temporary file in `folder`.
     pub(crate) fn with_room(room: usize, folder: PathBuf) -> Self {
         Self(Arc::new(Mutex::new(State { room, folder, file: None, end: 0, free: BTreeMap::new(), refused: None })))
     }

@@ -11,7 +11,8 @@ use crate::out;
 #[command(after_help = "\
 Where the script goes:
   bash        pkm completions bash > ~/.local/share/bash-completion/completions/pkm
-  zsh         pkm completions zsh > ~/.zfunc/_pkm, with fpath=(~/.zfunc $fpath) before compinit in ~/.zshrc
+  zsh         pkm completions zsh > ~/.zfunc/_pkm
+              (fpath=(~/.zfunc $fpath) before compinit in ~/.zshrc)
   fish        pkm completions fish > ~/.config/fish/completions/pkm.fish
   powershell  pkm completions powershell >> $PROFILE
 

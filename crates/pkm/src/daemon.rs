@@ -55,11 +55,12 @@ const LEAVE_NS: u64 = 12_000_000_000;
 /// Arguments of `pkm daemon`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Nothing moves until `pkm order arm` and `pkm order start` say so; `pkm status` shows what is being done, `pkm order stop` ends it. Without
-a CONFIG the shipped example runs: the 3-PRS, simulated, at 200 Hz. SIGTERM or SIGINT stop the robot along its path and end the daemon; the
-robot then applies its own safe action (`pkm order off` before it switches off). A second one applies the safe action at once. A safe stop or fault leaves a black box in the private directory.
+Nothing moves until `pkm order arm` and `pkm order start` say so; `pkm status` shows what is being done, `pkm order stop` ends it. Without \
+a CONFIG the shipped example runs: the 3-PRS, simulated, at 200 Hz. SIGTERM or SIGINT stop the robot along its path and end the daemon; the \
+robot then applies its own safe action (`pkm order off` before it switches off). A second one applies the safe action at once. A safe \
+stop or fault leaves a black box in the private directory.
 
-Exit codes: 0 ended as told, 70 internal error, 71 real-time rights are required and not given, 74 I/O, 75 another daemon runs, 78 the
+Exit codes: 0 ended as told, 70 internal error, 71 real-time rights are required and not given, 74 I/O, 75 another daemon runs, 78 the \
 configuration is wrong.
 
 Examples:

@@ -21,13 +21,14 @@ use crate::{check, out, robot_file};
 #[command(after_help = "\
 Exit status: 0 the diagnosis ran, 1 with --fail-on-mismatch when something was found, 2 bad usage or bad input.
 
-Long recordings: beyond 600 000 samples together they are taken at 50 samples per period of the band (a note in the verdict says so); beyond half
-a gigabyte what is computed from them waits in a nameless file in the folder of temporary files.
+Long recordings: beyond 600 000 samples together they are taken at 50 samples per period of the band (a note in the verdict says so); \
+beyond half a gigabyte what is computed from them waits in a nameless file in the folder of temporary files.
+
 On a terminal, or with -v, the joint and regime with the largest mismatch are told on standard error long before the verdict.
 
 Examples:
   pkm diagnose robot.toml --recording A.csv --holdout B.csv --html out.html
-  pkm diagnose robot.toml --recording A.csv --holdout B.csv --controller controller.toml --html out.html
+  pkm diagnose robot.toml --recording A.csv --holdout B.csv --controller controller.toml
   pkm diagnose robot.toml --recording A.mcap --recording B.mcap --json out.json --fail-on-mismatch
   pkm diagnose robot.toml --recording A.csv --holdout B.csv --without friction_coulomb,friction_viscous   (what if it were not friction?)
   pkm diagnose robot.toml --recording hour.mcap -v 2>&1 | grep 'largest mismatch'

@@ -20,16 +20,16 @@ use crate::progress::Progress;
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct SettingsArgs {
     /// Compare efforts below this frequency only [default: chosen from the motion].
-    #[arg(long, value_name = "HZ", value_parser = positive)]
+    #[arg(long, value_name = "HZ", value_parser = positive, help_heading = "Decision")]
     band: Option<f64>,
     /// Smallest share of the squared error that a finding must explain to be worth a name [default: 0.03].
-    #[arg(long, value_name = "SHARE", value_parser = share)]
+    #[arg(long, value_name = "SHARE", value_parser = share, help_heading = "Decision")]
     floor: Option<f64>,
     /// Seed of the null runs [default: 1].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help_heading = "Decision")]
     seed: Option<u64>,
     /// Null runs per decision, 19 to 9999 [default: 199].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(19..=9999))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(19..=9999), help_heading = "Decision")]
     null_runs: Option<u16>,
     /// Do not look for this effect: what if it were not friction? May be given several times, or with commas between the names.
     #[arg(long, value_name = "EFFECT", value_delimiter = ',', value_parser = effects::names(), hide_possible_values = true)]

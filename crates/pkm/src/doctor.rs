@@ -22,11 +22,14 @@ use shared::Shared;
 /// Arguments of `pkm doctor`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Every line says what was found and, where something can be better, what to do about it. A loop of pkm (a record of every period, sealed and
-put into a ring) and beside it a bare one that does nothing but clock_nanosleep wake up every period, first with ordinary rights, then with
-those of a control loop (SCHED_FIFO, memory locked, processor kept awake) as far as they are granted. Then a sample goes through shared memory
-there and back, between threads that never sleep: of iceoryx2 alone, and as a sealed command and the state that answers it. At last periods of
-twelve axes are recorded among the temporary files, as fast as it goes and at 4 kHz. Take minutes, and load the machine as it will be loaded, before the largest number is believed. Exit status: 0 nothing is in the way of a control loop, 1 something is.
+Every line says what was found and, where something can be better, what to do about it. A loop of pkm (a record of every period, sealed and \
+put into a ring) and beside it a bare one that does nothing but clock_nanosleep wake up every period, first with ordinary rights, then with \
+those of a control loop (SCHED_FIFO, memory locked, processor kept awake) as far as they are granted. Then a sample goes through shared memory \
+there and back, between threads that never sleep: of iceoryx2 alone, and as a sealed command and the state that answers it. At last periods of \
+twelve axes are recorded among the temporary files, as fast as it goes and at 4 kHz. Take minutes, and load the machine as it will be \
+loaded, before the largest number is believed.
+
+Exit status: 0 nothing is in the way of a control loop, 1 something is.
 
 Examples:
   pkm doctor

@@ -33,9 +33,11 @@ Exit status: 0 a motion was found, 2 bad usage, or limits that leave no room for
 
 Examples:
   pkm excite prs3 --out motion.csv
-  pkm excite ups3_rpu1 --out motion.mcap --harmonics 7 --period 20 --speed 0.05 --cone 50 --html motion.html
+  pkm excite ups3_rpu1 --out motion.mcap --harmonics 7 --period 20 --speed 0.05 --cone 50 \\
+      --html motion.html
   pkm excite serial_arm --out motion.csv --basis spline --pieces 16 --hold offset --json
-  pkm excite five_bar --out motion.csv --criterion angle --separate friction_viscous@shoulder_left:viscous=1 \\
+  pkm excite five_bar --out motion.csv --criterion angle \\
+      --separate friction_viscous@shoulder_left:viscous=1 \\
       --separate friction_coulomb@shoulder_left:coulomb=1")]
 pub(crate) struct Args {
     /// A robot.toml, or the name of a shipped robot.
@@ -45,59 +47,59 @@ pub(crate) struct Args {
     out: PathBuf,
     /// What is made good: the condition number of the base parameters' columns, the determinant of their information (D-optimal), or the
     /// angle between two effects, or the effort by which two effects differ.
-    #[arg(long, value_name = "CRITERION", default_value = "condition")]
+    #[arg(long, value_name = "CRITERION", default_value = "condition", help_heading = "What is shown")]
     criterion: CriterionName,
     /// An effect to be told apart from another, NAME@PLACE:PARAMETER=VALUE,... in SI units; give two.
-    #[arg(long, value_name = "EFFECT")]
+    #[arg(long, value_name = "EFFECT", help_heading = "What is shown")]
     separate: Vec<String>,
     /// Functions that the motion is the sum of.
-    #[arg(long, value_name = "BASIS", default_value = "fourier")]
+    #[arg(long, value_name = "BASIS", default_value = "fourier", help_heading = "Motion")]
     basis: BasisName,
     /// Harmonics of a fourier motion.
-    #[arg(long, value_name = "N", default_value_t = 5)]
+    #[arg(long, value_name = "N", default_value_t = 5, help_heading = "Motion")]
     harmonics: usize,
     /// Pieces of a spline motion.
-    #[arg(long, value_name = "N", default_value_t = 12)]
+    #[arg(long, value_name = "N", default_value_t = 12, help_heading = "Motion")]
     pieces: usize,
     /// Period.
-    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = positive)]
+    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = positive, help_heading = "Motion")]
     period: f64,
     /// Periods in the file.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Motion")]
     periods: usize,
     /// Samples per second in the file.
-    #[arg(long, value_name = "HZ", default_value_t = 100.0, value_parser = positive)]
+    #[arg(long, value_name = "HZ", default_value_t = 100.0, value_parser = positive, help_heading = "Motion")]
     rate: f64,
     /// Share of the robot file's limits that may be used, 0 to 1.
-    #[arg(long, value_name = "SHARE", default_value_t = 0.95)]
+    #[arg(long, value_name = "SHARE", default_value_t = 0.95, help_heading = "Limits")]
     share: f64,
     /// Fastest motion of any drive, m/s or rad/s, beside the robot file's limits.
-    #[arg(long, value_name = "V", value_parser = positive)]
+    #[arg(long, value_name = "V", value_parser = positive, help_heading = "Limits")]
     speed: Option<f64>,
     /// Largest acceleration of any drive, m/s² or rad/s².
-    #[arg(long, value_name = "A", value_parser = positive)]
+    #[arg(long, value_name = "A", value_parser = positive, help_heading = "Limits")]
     acceleration: Option<f64>,
     /// How far ball and universal joints may lean from the assembly.
-    #[arg(long, value_name = "DEG", value_parser = positive)]
+    #[arg(long, value_name = "DEG", value_parser = positive, help_heading = "Limits")]
     cone: Option<f64>,
     /// Least distance from singularities: how firmly locked drives hold the passive joints (smallest singular value), as a share of that in
     /// the middle of the travel; 0 asks for none.
-    #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1, help_heading = "Limits")]
     singularity: f64,
     /// Do not count these as parameters to be shown; may be given several times.
-    #[arg(long, value_name = "TERM")]
+    #[arg(long, value_name = "TERM", help_heading = "What is shown")]
     hold: Vec<TermName>,
     /// Motions improved, of which the best is taken.
-    #[arg(long, value_name = "N", default_value_t = 4)]
+    #[arg(long, value_name = "N", default_value_t = 4, help_heading = "Search")]
     restarts: usize,
     /// Random motions drawn for each of them.
-    #[arg(long, value_name = "N", default_value_t = 25)]
+    #[arg(long, value_name = "N", default_value_t = 25, help_heading = "Search")]
     draws: usize,
     /// Steps of the improvement of each.
-    #[arg(long, value_name = "N", default_value_t = 150)]
+    #[arg(long, value_name = "N", default_value_t = 150, help_heading = "Search")]
     iterations: usize,
     /// Seed.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Search")]
     seed: u64,
     /// Write a page with pictures of the motion and of the search.
     #[arg(long, value_name = "OUT.html")]

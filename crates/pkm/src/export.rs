@@ -15,7 +15,7 @@ use crate::{out, robot_file};
 /// Arguments of `pkm export`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Loops, drives, rotor inertias, friction, travel and the closed assembly are exported with the bodies. What a format cannot say is
+Loops, drives, rotor inertias, friction, travel and the closed assembly are exported with the bodies. What a format cannot say is \
 told, and stands at the head of the file; a loop or an inertia that it cannot say exactly is refused.
 
 Examples:

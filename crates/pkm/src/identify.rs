@@ -32,14 +32,15 @@ Exit status: 0 a robot was identified (doubts are printed), 1 the recordings sho
 Examples:
   pkm identify robot.toml --recording A.csv --holdout V.csv --out better.identified.toml
   pkm identify robot.toml --recording A.mcap --recording B.mcap --hold offset --json out.json
-  pkm identify robot.toml --recording A.csv --method iv                  noisy positions; needs q_ref.* columns
-  pkm identify robot.toml --recording A.csv --period 10 --outliers 8     ten-second motion, averaged, wild samples replaced
-  pkm identify robot.toml --recording A.csv --recording 2kg.csv --gains  newtons per newton of each drive
-  pkm identify robot.toml --recording A.csv --payload hand               what is in the hand
-  pkm identify robot.toml --recording A.csv --shapes                     also the Stribeck velocity that robot.toml states
+  pkm identify robot.toml --recording A.csv --method iv                    # positions are noisy
+  pkm identify robot.toml --recording A.csv --period 10 --outliers 8       # ten seconds, averaged
+  pkm identify robot.toml --recording A.csv --recording 2kg.csv --gains    # of each drive
+  pkm identify robot.toml --recording A.csv --payload hand                 # what is in the hand
+  pkm identify robot.toml --recording A.csv --shapes                       # Stribeck velocities too
 
-Methods: sdp (physical bodies, the default), wls, ols (base parameters, weighted by drive or not), huber and bisquare (robust),
-ridge (drawn to the nominal robot), tls (noisy columns), relevant (drops what is not determined), iv (instruments from the simulated loop).")]
+Methods: sdp (physical bodies, the default), wls, ols (base parameters, weighted by drive or not), huber and bisquare (robust), \
+ridge (drawn to the nominal robot), tls (noisy columns), relevant (drops what is not determined), iv (instruments from the simulated loop; \
+needs columns q_ref.*).")]
 pub(crate) struct Args {
     /// The robot as it is believed to be: a robot.toml, or the name of a shipped robot.
     robot: PathBuf,
@@ -61,22 +62,22 @@ pub(crate) struct Args {
     #[command(flatten)]
     preparation: preparation::Preparation,
     /// Estimate velocities and exponents of the friction laws that the robot file states, from there on.
-    #[arg(long)]
+    #[arg(long, help_heading = "Estimation")]
     shapes: bool,
     /// Also the gains of the drives, from recordings with a known load (`load` in their metadata) beside recordings without.
-    #[arg(long)]
+    #[arg(long, help_heading = "Estimation")]
     gains: bool,
     /// Also what rides on this link, the robot itself being as its file says.
-    #[arg(long, value_name = "LINK")]
+    #[arg(long, value_name = "LINK", help_heading = "Estimation")]
     payload: Option<String>,
     /// Estimator.
-    #[arg(long, value_name = "METHOD", default_value = "sdp")]
+    #[arg(long, value_name = "METHOD", default_value = "sdp", help_heading = "Estimation")]
     method: MethodName,
     /// Compare efforts below this frequency only [default: chosen from the motion].
-    #[arg(long, value_name = "HZ", value_parser = positive)]
+    #[arg(long, value_name = "HZ", value_parser = positive, help_heading = "Estimation")]
     band: Option<f64>,
     /// Keep these at their values in the robot file; may be given several times.
-    #[arg(long, value_name = "TERM")]
+    #[arg(long, value_name = "TERM", help_heading = "Estimation")]
     hold: Vec<TermName>,
     /// Topic of the joint states, where an MCAP file has several.
     #[arg(long, value_name = "TOPIC")]

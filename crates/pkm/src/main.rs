@@ -104,8 +104,8 @@ Options:
 {options}
 
 Examples:
-  pkm demo                                                       the whole story, without any file
-  pkm check prs3                                                 do the loops close? what can recordings show?
+  pkm demo                                  # the whole story, without any file
+  pkm check prs3                            # do its loops close? what can recordings show?
   pkm simulate prs3 --out A.mcap --hide 'friction_coulomb@q1:coulomb=20'
   pkm diagnose robot.toml --recording A.csv --holdout B.csv --json out.json --html out.html
   pkm identify robot.toml --recording A.csv --holdout B.csv --out better.identified.toml
@@ -114,8 +114,9 @@ Examples:
   pkm export prs3 --format mjcf --out prs3.xml
   pkm daemon daemon.toml
 
-`pkm VERB --help` explains a verb and its flags. Shipped robots can be given by name wherever a ROBOT is asked for. `--json` prints JSON;
-where it takes a file, `--json -` does. Colours are for terminals, and NO_COLOR turns them off.
+`pkm VERB --help` explains a verb and its flags. Shipped robots can be given by name wherever a
+ROBOT is asked for. `--json` prints JSON; where it takes a file, `--json -` does. Colours are for
+terminals, and NO_COLOR turns them off.
 ";
 
 /// Models of parallel robots, and what their recordings say is missing from them.
@@ -293,6 +294,78 @@ mod tests {
             let first = about.split(',').next().unwrap().trim_end_matches('.').to_string();
             assert!(HELP.contains(&format!("  {}", verb.get_name())), "{}", verb.get_name());
             assert!(HELP.contains(&first), "{first}");
+        }
+    }
+
+    /// What stands below the flags of a verb.
+    fn below(verb: &clap::Command) -> String {
+        verb.get_after_help().map(ToString::to_string).unwrap_or_default()
+    }
+
+    #[test]
+    fn every_verb_shows_an_example_that_a_terminal_does_not_break() {
+        // Help is wrapped here: a command that is broken cannot be copied.
+        let columns = 100;
+        for verb in Cli::command().get_subcommands() {
+            let (name, text) = (verb.get_name(), below(verb));
+            let examples = text.split_once("Example").map_or("", |(_, after)| after);
+            assert!(examples.contains(&format!("\n  pkm {name}")), "{name}: {text}");
+            let wide: Vec<&str> = text.lines().filter(|l| l.starts_with(' ') && l.chars().count() > columns).collect();
+            assert!(wide.is_empty(), "{name}: {wide:?}");
+        }
+        assert!(HELP.lines().all(|l| l.chars().count() <= columns), "the list of verbs");
+    }
+
+    #[test]
+    fn sentences_below_the_flags_are_wrapped_by_the_terminal_alone() {
+        for verb in Cli::command().get_subcommands().filter(|v| v.get_name() != "order") {
+            let text = below(verb);
+            let is_sentence = |l: &str| !l.is_empty() && !l.starts_with(' ') && !l.ends_with(':');
+            let lines: Vec<&str> = text.lines().collect();
+            let broken = lines.windows(2).find(|w| w.iter().all(|l| is_sentence(l)));
+            assert_eq!(broken, None, "{}", verb.get_name());
+        }
+    }
+
+    #[test]
+    fn every_verb_with_an_answer_gives_it_as_json() {
+        let silent = ["completions", "man", "daemon", "driver-sim"];
+        for verb in Cli::command().get_subcommands().filter(|v| !silent.contains(&v.get_name())) {
+            assert!(verb.get_arguments().any(|a| a.get_long() == Some("json")), "{}", verb.get_name());
+        }
+    }
+
+    #[test]
+    fn many_flags_are_grouped() {
+        for verb in Cli::command().get_subcommands() {
+            let alone = verb.get_arguments().filter(|a| !a.is_positional() && a.get_help_heading().is_none()).count();
+            assert!(alone <= 14, "{}: {alone} flags without a heading", verb.get_name());
+        }
+    }
+
+    /// Words of a line as a shell would have them: quotes of one kind, up to a comment.
+    fn words(line: &str) -> Vec<String> {
+        let code = line.split(" #").next().unwrap_or(line);
+        let mut out = Vec::new();
+        for (i, part) in code.split('\'').enumerate() {
+            if i % 2 == 0 {
+                out.extend(part.split_whitespace().map(str::to_string));
+            } else {
+                out.push(part.to_string());
+            }
+        }
+        out
+    }
+
+    #[test]
+    fn commands_of_the_readme_are_understood() {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let text = std::fs::read_to_string(root.join("README.md")).unwrap();
+        let commands: Vec<&str> = text.lines().filter(|l| l.starts_with("pkm ")).collect();
+        assert!(commands.len() > 15, "{commands:?}");
+        for line in commands {
+            let wrong = Cli::command().try_get_matches_from(words(line)).err().map(|e| e.to_string());
+            assert_eq!(wrong, None, "{line}");
         }
     }
 

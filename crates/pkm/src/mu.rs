@@ -19,7 +19,7 @@ use file::{Problem, Subject};
 /// Arguments of `pkm mu`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-FILE (.toml or .json) holds a system A, B, C, D or a matrix M, and [[block]] for every block of the uncertainty; docs/FORMATS.md has
+FILE (.toml or .json) holds a system A, B, C, D or a matrix M, and [[block]] for every block of the uncertainty; docs/FORMATS.md has \
 the layout.
 
 Exit status: 0 the bounds were computed, whatever they are; 2 bad usage or bad input.

@@ -28,53 +28,54 @@ const RATE_HZ: f64 = 200.0;
 /// Arguments of `pkm plan`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Nothing is measured: the columns of every effect are computed along the motion from the robot file. What friction, offsets and inertias of
-the model can imitate is taken out of them; the angle between what is left of two effects says whether a recording could tell them apart,
-its length and the noise how large an effect must be. A reference is a file that `pkm excite` or `pkm simulate` wrote: q_ref.<joint>, or
+Nothing is measured: the columns of every effect are computed along the motion from the robot file. What friction, offsets and inertias of \
+the model can imitate is taken out of them; the angle between what is left of two effects says whether a recording could tell them apart, \
+its length and the noise how large an effect must be. A reference is a file that `pkm excite` or `pkm simulate` wrote: q_ref.<joint>, or \
 q.<joint> where there is no reference.
 
 Exit status: 0 the plan was made, 1 with --require when a pair is not told apart, 2 bad usage or bad input.
 
 Examples:
   pkm plan prs3 --reference motion.csv --noise 2
-  pkm plan prs3 --reference motion.csv --noise-from A.csv --require friction_viscous@q6,time_delay@q6 --json plan.json
+  pkm plan prs3 --reference motion.csv --noise-from A.csv \\
+      --require friction_viscous@q6,time_delay@q6 --json plan.json
   pkm plan five_bar --excite angle --separate friction_viscous@shoulder_left:viscous=1 \\
       --separate friction_coulomb@shoulder_left:coulomb=1 --noise 0.05 --html plan.html")]
 pub(crate) struct Args {
     /// A robot.toml, or the name of a shipped robot.
     robot: PathBuf,
     /// Motion (.csv or .mcap) to be recorded; may be given several times.
-    #[arg(long = "reference", value_name = "FILE", required_unless_present = "excite")]
+    #[arg(long = "reference", value_name = "FILE", required_unless_present = "excite", help_heading = "Motion")]
     references: Vec<PathBuf>,
     /// Find a motion first, good in this sense, with the defaults of `pkm excite`.
-    #[arg(long, value_name = "CRITERION", conflicts_with = "references")]
+    #[arg(long, value_name = "CRITERION", conflicts_with = "references", help_heading = "Motion")]
     excite: Option<excitation::CriterionName>,
     /// With --excite angle or power: an effect to be told apart from another, NAME@PLACE:PARAMETER=VALUE,...; give two.
-    #[arg(long, value_name = "EFFECT", requires = "excite")]
+    #[arg(long, value_name = "EFFECT", requires = "excite", help_heading = "Motion")]
     separate: Vec<String>,
     /// With --excite: period.
-    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = positive)]
+    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = positive, help_heading = "Motion")]
     period: f64,
     /// With --excite: harmonics.
-    #[arg(long, value_name = "N", default_value_t = 5)]
+    #[arg(long, value_name = "N", default_value_t = 5, help_heading = "Motion")]
     harmonics: usize,
     /// With --excite: seed.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Motion")]
     seed: u64,
     /// Noise of recorded efforts, standard deviation per sample, N or N·m: for all drives, or JOINT=VALUE; may be given several times.
-    #[arg(long, value_name = "NOISE", required_unless_present = "noise_from")]
+    #[arg(long, value_name = "NOISE", required_unless_present = "noise_from", help_heading = "Decision")]
     noise: Vec<String>,
     /// Take the noise of recorded efforts from this recording.
-    #[arg(long, value_name = "FILE", conflicts_with = "noise")]
+    #[arg(long, value_name = "FILE", conflicts_with = "noise", help_heading = "Decision")]
     noise_from: Option<PathBuf>,
     /// How far the inertias of the model are believed: exact, within a tenth, or refitted.
-    #[arg(long, value_name = "BELIEF", default_value = "soft")]
+    #[arg(long, value_name = "BELIEF", default_value = "soft", help_heading = "Decision")]
     prior: BeliefName,
     /// Compare efforts below this frequency only, Hz [default: chosen from the motion].
-    #[arg(long, value_name = "HZ", value_parser = positive)]
+    #[arg(long, value_name = "HZ", value_parser = positive, help_heading = "Decision")]
     band: Option<f64>,
     /// Two effects that must be told apart, NAME,NAME or NAME@PLACE,NAME@PLACE; may be given several times.
-    #[arg(long, value_name = "PAIR")]
+    #[arg(long, value_name = "PAIR", help_heading = "Decision")]
     require: Vec<String>,
     /// Write the plan here; `-` prints it.
     #[arg(long, value_name = "OUT.json")]

@@ -22,14 +22,14 @@ use folder::Folder;
 /// Arguments of `pkm prove`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-The plants, laws and random numbers of the trials are their own; the diagnosis sees the public files of a case and nothing else. What
+The plants, laws and random numbers of the trials are their own; the diagnosis sees the public files of a case and nothing else. What \
 docs/PROOF.md says of the format lets you put in cases of your own: cases/NAME/ with case.toml, answers/NAME.json, seals.txt.
 
-A run can be stopped with Ctrl-C at any time: what is complete stays, the diagnoses that are running are forgotten, --resume goes on.
---seal-only and a later run without --cases keep the making and the diagnosing apart: hand over cases/ and seals.txt first, the answers
+A run can be stopped with Ctrl-C at any time: what is complete stays, the diagnoses that are running are forgotten, --resume goes on. \
+--seal-only and a later run without --cases keep the making and the diagnosing apart: hand over cases/ and seals.txt first, the answers \
 later. --score-only opens the seals and counts what has been diagnosed so far, and what other methods said (`cargo xtask prove-baselines`).
 
---real diagnoses recordings of real robots in place of cases: friction and effects are taken out of their files, and what others have
+--real diagnoses recordings of real robots in place of cases: friction and effects are taken out of their files, and what others have \
 published must be named. The folder with the recordings is given by --data or by the environment variable PKM_DATA.
 
 Exit status: 0 all was scored, 1 a seal is broken, 2 bad usage or bad input, 130 stopped by a signal.
@@ -45,10 +45,10 @@ Examples:
   pkm prove --real --data recordings --out real")]
 pub(crate) struct Args {
     /// Number of cases to make; without it, those that lie in the folder are used.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000), help_heading = "Cases")]
     cases: Option<u64>,
     /// Seed of all cases.
-    #[arg(long, value_name = "S", default_value_t = 1)]
+    #[arg(long, value_name = "S", default_value_t = 1, help_heading = "Cases")]
     seed: u64,
     /// Folder for cases, answers, seals, verdicts and scores.
     #[arg(long, value_name = "DIR")]
@@ -57,34 +57,34 @@ pub(crate) struct Args {
     #[arg(long, value_name = "J", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=64))]
     jobs: u16,
     /// Only this level of concealment, L0 to L7; may be given several times [default: all].
-    #[arg(long = "level", value_name = "L", value_parser = level)]
+    #[arg(long = "level", value_name = "L", value_parser = level, help_heading = "Cases")]
     levels: Vec<Level>,
     /// Only this robot; may be given several times [default: five of the shipped ones].
-    #[arg(long = "robot", value_name = "NAME", value_parser = robot)]
+    #[arg(long = "robot", value_name = "NAME", value_parser = robot, help_heading = "Cases")]
     robots: Vec<String>,
     /// Size of an effect over the smallest that can be detected; may be given several times [default: 0.5 1 2 4].
-    #[arg(long = "size", value_name = "X", value_parser = crate::diagnosis::positive)]
+    #[arg(long = "size", value_name = "X", value_parser = crate::diagnosis::positive, help_heading = "Cases")]
     sizes: Vec<f64>,
     /// Factors on the noise of the sensors, drawn at random for every case; sizes stay those of factor 1 [default: 1].
-    #[arg(long, value_name = "F,F...", value_delimiter = ',', value_parser = crate::diagnosis::positive)]
+    #[arg(long, value_name = "F,F...", value_delimiter = ',', value_parser = crate::diagnosis::positive, help_heading = "Cases")]
     noise_factors: Vec<f64>,
     /// How many recordings there are to learn from, drawn at random for every case: 1 to 4; sizes stay those of 2 [default: 2].
-    #[arg(long, value_name = "N,N...", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..=4))]
+    #[arg(long, value_name = "N,N...", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..=4), help_heading = "Cases")]
     recordings: Vec<u16>,
     /// Make and seal the cases, then stop.
-    #[arg(long, conflicts_with = "score_only")]
+    #[arg(long, conflicts_with = "score_only", help_heading = "Steps")]
     seal_only: bool,
     /// Open the seals and score the verdicts that are there.
-    #[arg(long, conflicts_with = "cases")]
+    #[arg(long, conflicts_with = "cases", help_heading = "Steps")]
     score_only: bool,
     /// Diagnose real recordings whose missing physics is known.
-    #[arg(long, conflicts_with_all = ["cases", "seal_only", "score_only", "resume"])]
+    #[arg(long, conflicts_with_all = ["cases", "seal_only", "score_only", "resume"], help_heading = "Steps")]
     real: bool,
     /// Folder with the real recordings [default: the environment variable `PKM_DATA`].
-    #[arg(long, value_name = "DIR", requires = "real")]
+    #[arg(long, value_name = "DIR", requires = "real", help_heading = "Steps")]
     data: Option<PathBuf>,
     /// Go on with a run that was stopped: what is there is kept.
-    #[arg(long)]
+    #[arg(long, help_heading = "Steps")]
     resume: bool,
     /// Stop a diagnosis after this time.
     #[arg(long, value_name = "SECONDS", default_value_t = 900.0, value_parser = crate::diagnosis::positive)]

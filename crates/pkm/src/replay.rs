@@ -15,8 +15,9 @@ use crate::simulate::controller::{ATTACHED, ATTACHED_HOLD};
 /// Arguments of `pkm replay`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Robot and controller are those attached to the first file; where a daemon ran another law than that of its position loop, both. Exit
-status: 0 every command is the same to the bit, 1 some are not; the first that is not is named with both values.
+Robot and controller are those attached to the first file; where a daemon ran another law than that of its position loop, both.
+
+Exit status: 0 every command is the same to the bit, 1 some are not; the first that is not is named with both values.
 
 Examples:
   pkm simulate prs3 --out A.mcap --controller controller.toml

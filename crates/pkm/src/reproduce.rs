@@ -18,8 +18,8 @@ const MISSED: u8 = 1;
 /// Arguments of `pkm reproduce`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Papers: valera2017, armas, arceo2021, mcdaid. A row is `reproduced` when our number agrees with the paper's, or with what its equations
-give once misprints are mended; `conclusion holds` when what the paper says of it is right and the number needs something it does not
+Papers: valera2017, armas, arceo2021, mcdaid. A row is `reproduced` when our number agrees with the paper's, or with what its equations \
+give once misprints are mended; `conclusion holds` when what the paper says of it is right and the number needs something it does not \
 print; `not reproducible` when it does not come out, with the reason; `MISSED` when our number misses what it is held against.
 
 Exit status: 0 no row is missed, 1 some row is, 2 bad usage.

@@ -32,18 +32,20 @@ const TOLD_S: f64 = 0.1;
 /// Arguments of `pkm simulate`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-A PD controller with the weight of the robot as feed-forward follows the reference at 1 kHz or the rate of the recording, whichever is
-higher; or the one that --controller names, at its own rate (its first fault ends the run), whose every step is then in an .mcap file for
-`pkm replay`. It knows the robot's files only; what is concealed moves the robot and is not in the file that is written. Joints pass their limits
+A PD controller with the weight of the robot as feed-forward follows the reference at 1 kHz or the rate of the recording, whichever is \
+higher; or the one that --controller names, at its own rate (its first fault ends the run), whose every step is then in an .mcap file for \
+`pkm replay`. It knows the robot's files only; what is concealed moves the robot and is not in the file that is written. Joints pass their limits \
 unless --end-stops is given. The same arguments give the same bytes.
 
-The reduced plant moves in the coordinates of the drives and is the default; the constrained one in those of the whole tree, for effects
+The reduced plant moves in the coordinates of the drives and is the default; the constrained one in those of the whole tree, for effects \
 with states of their own (play, elastic drives and structures, memories, contacts, persons), and is taken by itself where there are any.
 
 Examples:
   pkm simulate prs3 --out A.mcap
-  pkm simulate prs3 --out A.csv --hide 'friction_stribeck@q1:coulomb=12,stiction=21.3,stribeck_velocity=0.01' --seed 7
-  pkm simulate prs3 --out A.csv --hide 'friction_stribeck@q1:form=lugre,coulomb=12,stiction=21.3,stribeck_velocity=0.01,stiffness=1e5'
+  pkm simulate prs3 --out A.csv --seed 7 \\
+      --hide 'friction_stribeck@q1:coulomb=12,stiction=21.3,stribeck_velocity=0.01'
+  pkm simulate prs3 --out A.csv --hide \\
+    'friction_stribeck@q1:form=lugre,coulomb=12,stiction=21.3,stribeck_velocity=0.01,stiffness=1e5'
   pkm simulate prs3 --out A.mcap --controller controller.toml
   pkm simulate prs3 --out A.mcap --world world.toml
   pkm simulate serial_arm --out A.mcap --reference chirp --sweep 0.1:2 --noise none
@@ -69,17 +71,17 @@ pub(crate) struct Args {
     #[command(flatten)]
     motion: reference::MotionArgs,
     /// Length [default: 20 s, or that of the reference file].
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", help_heading = "Motion")]
     duration: Option<f64>,
     /// Samples per second.
-    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
+    #[arg(long, value_name = "HZ", default_value_t = 1000.0, help_heading = "Sensors")]
     rate: f64,
     /// Seed of motion and noise.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// White noise, any of resolution=, encoder= (m or rad) and effort= (share of the effort's rms), or none
     /// [default: resolution=1e-6,encoder=1e-6,effort=0.01].
-    #[arg(long, value_name = "NOISE")]
+    #[arg(long, value_name = "NOISE", help_heading = "Sensors")]
     noise: Option<String>,
     /// Run no faster than real time.
     #[arg(long)]

@@ -18,8 +18,8 @@ use crate::{check, out, robot_file};
 /// Arguments of `pkm trial-null`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Each run keeps the recorded motion and replaces the effort by the robot's own prediction plus noise: what this robot leaves
-unexplained, with random phases, so that its spectrum stays and everything that depends on the motion is gone. Nothing is
+Each run keeps the recorded motion and replaces the effort by the robot's own prediction plus noise: what this robot leaves \
+unexplained, with random phases, so that its spectrum stays and everything that depends on the motion is gone. Nothing is \
 missing from such a run; whatever is found is a false alarm.
 
 Example:

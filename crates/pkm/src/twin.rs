@@ -21,8 +21,8 @@ use crate::{check, out, robot_file};
 /// Arguments of `pkm twin`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-The controller of `pkm simulate` (PD with the weight of ROBOT as feed-forward, or the one that --controller names) follows the reference in the recording (q_ref.<joint>, and
-dq_ref.<joint> where recorded) in a simulation without noise. What the robot did and what the simulated one does are compared joint by
+The controller of `pkm simulate` (PD with the weight of ROBOT as feed-forward, or the one that --controller names) follows the reference in the recording (q_ref.<joint>, and \
+dq_ref.<joint> where recorded) in a simulation without noise. What the robot did and what the simulated one does are compared joint by \
 joint: position, effort, and the work of the drive. A robot that was moved by another controller differs by that as well.
 
 Examples:

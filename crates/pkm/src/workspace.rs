@@ -32,7 +32,8 @@ Exit status: 0 the scan ran, 2 bad usage or a robot whose loops do not close.
 
 Examples:
   pkm workspace ups3_rpu1 --axes ry,rz --html out.html
-  pkm workspace ups3_rpu1 --range x=-0.2:0.2:41 z=0.55:0.85:31 --at ry=0.1 --slices rz=-30deg:10deg:5 --cone 38 --csv out.csv
+  pkm workspace ups3_rpu1 --range x=-0.2:0.2:41 z=0.55:0.85:31 --at ry=0.1 \\
+      --slices rz=-30deg:10deg:5 --cone 38 --csv out.csv
   pkm workspace five_bar --axes shoulder_left,shoulder_right --json")]
 pub(crate) struct Args {
     /// A robot.toml, or the name of a shipped robot.
@@ -61,7 +62,7 @@ pub(crate) struct Args {
     /// Largest condition number of dx/dq.
     #[arg(long, value_name = "X", default_value_t = f64::INFINITY)]
     condition_limit: f64,
-    /// Metres are divided by this length to compare them with radians `[m]`; with 1 the singular values are those in SI units.
+    /// Metres are divided by this length to compare them with radians; with 1 the singular values are those in SI units.
     #[arg(long, value_name = "M", default_value_t = 1.0)]
     length: f64,
     /// Write a page with a picture of every slice.

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 # Tasks that the scheduler holds at a time, per thread of the workers: enough that none waits, few enough that a million are no burden.
 AHEAD = 8
+# Settings that no answer depends on, of each kind of work.
+PLACES = {"diagnose": ("scratch",)}
 # Rows and seconds after which what is done is noted.
 NOTE_ROWS, NOTE_S = 64, 15.0
 
@@ -28,7 +30,8 @@ NOTE_ROWS, NOTE_S = 64, 15.0
 def diagnose(tasks: Sequence[Task], table: str, **keywords: Any) -> pandas.DataFrame:
     """Diagnoses every task and returns the table, which is also written to `table`, a Parquet file at a path of fsspec.
 
-    Keywords: `settings`, those of `pkm.diagnose` (`band_hz`, `floor`, `seed`, `without`); `scheduler`, the address of a Dask scheduler or a
+    Keywords: `settings`, those of `pkm.diagnose` (`band_hz`, `floor`, `seed`, `without`, and `scratch`, a folder of the workers); `scheduler`,
+    the address of a Dask scheduler or a
     `distributed.Client`; without it, a cluster of `workers` processes on this machine (one per processor; 0: no cluster, this process
     alone); `retries`, how often a task is tried again whose worker was lost or whose files could not be had (3); `progress`, a callable
     that takes the share done, or True for a bar.
@@ -59,14 +62,16 @@ def _run(
         raise ValueError("scheduler and workers cannot both be given")
     if retries < 0:
         raise ValueError(f"retries = {retries} (must be >= 0)")
-    text, store = json.dumps(settings or {}, sort_keys=True), Table(table)
+    # Where series of long recordings wait changes no answer: the same work with another folder is the same work.
+    place = {name: value for name, value in (settings or {}).items() if name in PLACES.get(kind, ())}
+    text, store = json.dumps({k: v for k, v in (settings or {}).items() if k not in place}, sort_keys=True), Table(table)
     before = store.rows()
     # Keys of other units cannot be this task's: they need not travel to the worker.
     known: dict[str, set[str]] = {}
     for row in before:
         if row["status"] != LOST:
             known.setdefault(row["unit"] or "", set()).add(row["key"])
-    work = [(kind, task, text, frozenset(known.get(task.unit, ()))) for task in tasks]
+    work = [(kind, task, text, frozenset(known.get(task.unit, ())), place) for task in tasks]
     notes = _Notes(store)
     with following(progress, f"{kind} {len(work)} tasks") as tell:
         try:
@@ -100,13 +105,13 @@ class _Notes:
         self.rows, self.since = [], time.monotonic()
 
 
-_Item = tuple[str, Task, str, frozenset[str]]
+_Item = tuple[str, Task, str, frozenset[str], dict[str, Any]]
 
 
 def _without_lost(rows: list[dict[str, Any]], work: list[_Item]) -> list[dict[str, Any]]:
     """Rows less those that were given up once and have come since."""
     there = {(r["kind"], r["settings"], *r["recordings"], *r["holdout"]) for r in rows if r["status"] != LOST}
-    ours = {(kind, settings, *task.names) for kind, task, settings, _ in work}
+    ours = {(kind, settings, *task.names) for kind, task, settings, *_ in work}
     come = there & ours
     return [r for r in rows if not (r["status"] == LOST and (r["kind"], r["settings"], *r["recordings"], *r["holdout"]) in come)]
 
@@ -123,7 +128,7 @@ def _alone(item: _Item, retries: int) -> dict[str, Any] | None:
 
 def _lost(item: _Item, reason: str) -> dict[str, Any]:
     """The row of a task that was given up: its bytes are not known, so its key is made of names."""
-    kind, task, settings, _ = item
+    kind, task, settings, *_ = item
     robot = task.robot if isinstance(task.robot, str) else task.robot.name
     return {
         "key": key_of(LOST + kind, task, robot, task.names, settings),

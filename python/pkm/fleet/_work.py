@@ -171,8 +171,8 @@ def key_of(kind: str, task: Task, robot: str, recordings: Sequence[str], setting
     return sha256("\n".join(parts).encode())
 
 
-def done(kind: str, task: Task, settings: str, known: frozenset[str]) -> dict[str, Any] | None:
-    """The row of a task; None where a row with its key is known. Bad input is a row with an error, a file that cannot be had an OSError."""
+def done(kind: str, task: Task, settings: str, known: frozenset[str], place: dict[str, Any]) -> dict[str, Any] | None:
+    """The row of a task; None where a row with its key is known; `place` are settings that no answer depends on. Bad input is a row with an error, a file that cannot be had an OSError."""
     started = time.perf_counter()
     row: dict[str, Any] = {
         "kind": kind,
@@ -203,7 +203,7 @@ def done(kind: str, task: Task, settings: str, known: frozenset[str]) -> dict[st
         robot = pkm.Robot.from_texts(*texts)
         recordings = [_recording(r, d) for r, d in zip(given, data, strict=True)]
         row |= _taken(row, recordings)
-        row |= _answer(kind, robot, recordings[:n], recordings[n:], json.loads(settings))
+        row |= _answer(kind, robot, recordings[:n], recordings[n:], json.loads(settings) | place)
     except ValueError as error:
         row |= {"status": "error", "error": str(error)}
     except BaseException as error:

@@ -8,25 +8,24 @@ use crate::diagnosis::positive;
 
 /// Arguments about preprocessing.
 #[derive(Debug, clap::Args)]
-#[command(next_help_heading = "Preprocessing")]
 pub(super) struct Preparation {
     /// Replace samples further than this many robust standard deviations from the median around them.
-    #[arg(long, value_name = "SD", value_parser = positive)]
+    #[arg(long, value_name = "SD", value_parser = positive, help_heading = "Preprocessing")]
     outliers: Option<f64>,
     /// Thin to the rate nearest above this one, behind a zero-phase filter.
-    #[arg(long, value_name = "HZ", value_parser = positive)]
+    #[arg(long, value_name = "HZ", value_parser = positive, help_heading = "Preprocessing")]
     rate: Option<f64>,
     /// Average over this period of a periodic motion.
-    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, help_heading = "Preprocessing")]
     period: Option<f64>,
     /// Efforts are stamped this much too late (negative: too early).
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, conflicts_with = "find_late", value_parser = finite)]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, conflicts_with = "find_late", value_parser = finite, help_heading = "Preprocessing")]
     late: Option<f64>,
     /// Estimate how late efforts are, to this much to either side.
-    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, help_heading = "Preprocessing")]
     find_late: Option<f64>,
     /// How velocities and accelerations come from positions.
-    #[arg(long, value_name = "WAY", default_value = "filtered")]
+    #[arg(long, value_name = "WAY", default_value = "filtered", help_heading = "Preprocessing")]
     derivative: DerivativeName,
 }
 

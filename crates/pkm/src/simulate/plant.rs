@@ -9,16 +9,16 @@ use crate::diagnosis::positive;
 #[derive(Debug, clap::Args)]
 pub(crate) struct PlantArgs {
     /// Plant [default: reduced, or constrained where an effect has states or any flag below is given].
-    #[arg(long, value_name = "PLANT")]
+    #[arg(long, value_name = "PLANT", help_heading = "Plant")]
     plant: Option<PlantName>,
     /// Rule of the constrained plant between events.
-    #[arg(long, value_name = "RULE")]
+    #[arg(long, value_name = "RULE", help_heading = "Plant")]
     integrator: Option<RuleName>,
     /// Longest step of the constrained plant [default: half a control period].
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(long, value_name = "S", value_parser = positive, help_heading = "Plant")]
     step: Option<f64>,
     /// Joints stop at their limits, with this share of their speed sent back, 0 to 1.
-    #[arg(long, value_name = "SHARE", value_parser = share)]
+    #[arg(long, value_name = "SHARE", value_parser = share, help_heading = "Plant")]
     end_stops: Option<f64>,
 }
 

@@ -22,20 +22,20 @@ const SWEEP_HZ: (f64, f64) = (0.1, 2.0);
 pub(crate) struct MotionArgs {
     /// fourier, min-jerk, chirp, step; on an ankle robot (motobotte) gait, gait-polynomial, isokinetic; or a recording (.csv or .mcap)
     /// whose reference is played back.
-    #[arg(long, value_name = "MOTION", default_value = "fourier")]
+    #[arg(long, value_name = "MOTION", default_value = "fourier", help_heading = "Motion")]
     reference: String,
     /// Share of the travel that a drawn motion may use, 0 to 1; less where loops or limits demand it
     /// [default: 0.6, chirp 0.2, step 0.05].
-    #[arg(long, value_name = "SHARE")]
+    #[arg(long, value_name = "SHARE", help_heading = "Motion")]
     amplitude: Option<f64>,
     /// Period of fourier, or time from one move or step to the next.
-    #[arg(long, value_name = "S", default_value_t = 5.0)]
+    #[arg(long, value_name = "S", default_value_t = 5.0, help_heading = "Motion")]
     period: f64,
     /// Frequencies of a chirp at its begin and end, LOW:HIGH in Hz [default: 0.1:2].
-    #[arg(long, value_name = "HZ:HZ", value_parser = sweep)]
+    #[arg(long, value_name = "HZ:HZ", value_parser = sweep, help_heading = "Motion")]
     sweep: Option<(f64, f64)>,
     /// Topic of the joint states of the recording played back, where an MCAP file has several.
-    #[arg(long, value_name = "TOPIC")]
+    #[arg(long, value_name = "TOPIC", help_heading = "Motion")]
     topic: Option<String>,
 }
 

@@ -19,7 +19,7 @@ const BYTES_MAX: u64 = 1 << 20;
 pub(crate) struct WorldArgs {
     /// A world.toml: encoders, electronics, transmissions, lost samples, wrench cells, a limb. What is recorded is what the sensors say
     /// [default: encoders and efforts with white noise].
-    #[arg(long, value_name = "FILE", conflicts_with = "noise")]
+    #[arg(long, value_name = "FILE", conflicts_with = "noise", help_heading = "Sensors")]
     world: Option<PathBuf>,
 }
 
