@@ -27,11 +27,10 @@ const TURNS: u64 = 4;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Reads the same file as the daemon: robot, limits, safe action, real-time rights and directory are the same on both sides. Either side may \
-end and come back \
-without the other; a commander that falls silent loses the robot, which then applies the safe action.
+end and come back without the other; a commander that falls silent loses the robot, which then applies the safe action.
 
-Exit codes: 0 ended as told, 70 internal error, 71 real time is required and not granted, 74 I/O, 75 another driver runs,
-78 the configuration is wrong.
+Exit codes: 0 ended as told, 70 internal error, 71 real time is required and not granted, 74 I/O, 75 another driver \
+runs, 78 the configuration is wrong.
 
 Examples:
   pkm driver-sim daemon.toml

@@ -30,9 +30,9 @@ NOTE_ROWS, NOTE_S = 64, 15.0
 def diagnose(tasks: Sequence[Task], table: str, **keywords: Any) -> pandas.DataFrame:
     """Diagnoses every task and returns the table, which is also written to `table`, a Parquet file at a path of fsspec.
 
-    Keywords: `settings`, those of `pkm.diagnose` (`band_hz`, `floor`, `seed`, `without`, and `scratch`, a folder of the workers); `scheduler`,
-    the address of a Dask scheduler or a
-    `distributed.Client`; without it, a cluster of `workers` processes on this machine (one per processor; 0: no cluster, this process
+    Keywords: `settings`, those of `pkm.diagnose` (`band_hz`, `floor`, `seed`, `without`, and `scratch`, a folder of the workers);
+    `scheduler`, the address of a Dask scheduler or a `distributed.Client`; without it, a cluster of `workers` processes on this machine
+    (one per processor; 0: no cluster, this process
     alone); `retries`, how often a task is tried again whose worker was lost or whose files could not be had (3); `progress`, a callable
     that takes the share done, or True for a bar.
 
