@@ -72,7 +72,8 @@ pub(crate) fn assemble(
     for (f, &pick) in findings[first..].iter_mut().zip(&order) {
         let gains = priors::gains(work, pick, settings);
         f.says += &priors::sentence(&gains, settings.floor);
-        f.confidence *= priors::likeness(work, pick, &gains);
+        let left = f.heldout_rms_after / f.heldout_rms_before.max(f64::MIN_POSITIVE);
+        f.confidence *= priors::likeness(work, pick, &gains, (1.0 - left * left, settings.floor));
         f.depends_on_prior = Some(gains);
     }
     experiments::propose(work, &mut findings[first..], band);

@@ -7,6 +7,8 @@ use pkm_dyn::model::JointKind;
 use pkm_ident::Recording;
 use pkm_ident::grid::GAP_PERIODS;
 
+use crate::idle;
+
 /// A step of a channel this many times larger than 95 % of its steps is no motion.
 const NO_MOTION: f64 = 20.0;
 
@@ -14,7 +16,7 @@ const NO_MOTION: f64 = 20.0;
 const MANY_SPIKES: f64 = 0.01;
 
 /// A channel that stops dead for so long `[s]`, out of full motion, is stuck.
-const STUCK_S: f64 = 0.3;
+pub(crate) const STUCK_S: f64 = 0.3;
 
 /// Share of the usual step size before and after a standstill from which on it came out of full motion.
 const FULL_MOTION: f64 = 0.3;
@@ -88,6 +90,7 @@ pub(crate) fn integrity(robot: &Robot, r: &Recording) -> Integrity {
         }
         never_moves(r, &joint.name, joint.kind.unit_position(), &mut out);
     }
+    idle::drives_off(robot, r, &mut out);
     out
 }
 
@@ -135,7 +138,7 @@ fn never_moves(r: &Recording, joint: &str, unit: &str, out: &mut Integrity) {
     }
 }
 
-fn range(x: &[f64]) -> (f64, f64) {
+pub(crate) fn range(x: &[f64]) -> (f64, f64) {
     x.iter().filter(|x| x.is_finite()).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)))
 }
 
@@ -201,6 +204,15 @@ impl Channel<'_> {
         }
     }
 
+    /// Whether the position's reference stands as well, to within `usual` steps: a joint that stands where it is told to is not stuck.
+    fn is_told_to_stand(&self, (from, to): (usize, usize), usual: f64) -> bool {
+        let reference = self.column.strip_prefix("q.").and_then(|joint| self.recording.signal(&format!("q_ref.{joint}")));
+        reference.is_some_and(|x| {
+            let (low, high) = range(&x[from..to]);
+            high - low <= usual
+        })
+    }
+
     /// Runs of one and the same value that begin or end in full motion.
     fn stuck(&self, out: &mut Integrity) {
         const LOOK: usize = 5;
@@ -218,7 +230,7 @@ impl Channel<'_> {
             let before = speed(begin.saturating_sub(LOOK), begin);
             // The step out of the standstill makes good what was missed: motion is what comes after it.
             let after = if i + LOOK < x.len() { speed(i, i + LOOK) } else { 0.0 };
-            if lasts > STUCK_S && before.max(after) > FULL_MOTION * usual && usual > 0.0 {
+            if lasts > STUCK_S && before.max(after) > FULL_MOTION * usual && usual > 0.0 && !self.is_told_to_stand((begin, i), usual) {
                 at.extend(begin..i);
                 longest = if lasts > longest.0 { (lasts, time[begin]) } else { longest };
             }
@@ -322,6 +334,24 @@ mod tests {
         // The same length of standstill at the crest, where the speed is near zero anyway.
         let resting = seen(|i, _| math::sin((0.06 * i as f64).min(core::f64::consts::FRAC_PI_2)));
         assert!(resting.spoiled.is_empty(), "{resting:?}");
+    }
+
+    #[test]
+    fn a_joint_that_stands_where_it_is_told_to_is_not_stuck() {
+        // Out of full motion into a stop at 0.95 s, for half a second.
+        let time: Vec<f64> = (0..200).map(|i| 0.01 * i as f64).collect();
+        let x: Vec<f64> = (0..200).map(|i| math::sin(0.06 * f64::from(if (95..145).contains(&i) { 95 } else { i }))).collect();
+        let mut recording = Recording { name: "A".to_string(), time, ..Recording::default() };
+        let stuck = |recording: &Recording| {
+            let mut out = Integrity::default();
+            Channel { recording, column: "q.a", unit: "rad", x: &x }.stuck(&mut out);
+            out.is_spoiled()
+        };
+        assert!(stuck(&recording));
+        recording.signals.insert("q_ref.a".to_string(), x.clone());
+        assert!(!stuck(&recording));
+        recording.signals.insert("q_ref.a".to_string(), (0..200).map(|i| math::sin(0.06 * i as f64)).collect());
+        assert!(stuck(&recording));
     }
 
     #[test]

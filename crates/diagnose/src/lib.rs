@@ -29,6 +29,7 @@ mod final_fit;
 mod gate;
 mod gram;
 mod held;
+mod idle;
 mod integrity;
 pub mod isolability;
 mod leftover;

@@ -17,13 +17,13 @@ pub(crate) fn gains(work: &mut Work, index: usize, settings: &Settings) -> Prior
     PriorGains { anchored, soft, refit, soft_prior, depends }
 }
 
-/// Cosine between what is left without the pick at `index` and what the pick explains: the root of the share of squared error it takes away. What
-/// was left out explains all of what it leaves but noise; what merely resembles it explains less. A parameter that moved is judged beside the
-/// inertias as given, for they would take it up.
-pub(crate) fn likeness(work: &Work, index: usize, g: &PriorGains) -> f64 {
+/// Cosine between what is left without the pick at `index` and what the pick explains: the root of the share of squared error it takes away, no
+/// less than what a name needs. What was left out explains all of what it leaves but noise; what merely resembles it explains less. A parameter
+/// that moved is judged beside the inertias as given, for they would take it up, and by the verdict's own `heldout` share.
+pub(crate) fn likeness(work: &Work, index: usize, g: &PriorGains, (heldout, floor): (f64, f64)) -> f64 {
     let family = work.candidates[work.picks[index].candidate].effect.family();
-    let gain = if matches!(family, Family::Standard | Family::Shift) { g.anchored } else { g.refit };
-    pkm_dyn::math::sqrt(gain.clamp(0.0, 1.0))
+    let gain = if matches!(family, Family::Standard | Family::Shift) { g.anchored.max(heldout) } else { g.refit };
+    pkm_dyn::math::sqrt(gain.clamp(floor.clamp(0.0, 1.0), 1.0))
 }
 
 /// What to add to a finding's sentence; empty where it does not depend on the prior.
