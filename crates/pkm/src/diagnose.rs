@@ -30,7 +30,7 @@ Examples:
   pkm diagnose robot.toml --recording A.csv --holdout B.csv --html out.html
   pkm diagnose robot.toml --recording A.csv --holdout B.csv --controller controller.toml
   pkm diagnose robot.toml --recording A.mcap --recording B.mcap --json out.json --fail-on-mismatch
-  pkm diagnose robot.toml --recording A.csv --holdout B.csv --without friction_coulomb,friction_viscous   (what if it were not friction?)
+  pkm diagnose robot.toml --recording A.csv --without friction_coulomb   (what if it were not?)
   pkm diagnose robot.toml --recording hour.mcap -v 2>&1 | grep 'largest mismatch'
   pkm diagnose robot.toml --recording A.csv --holdout B.csv --json - | jq '.findings[].effect'")]
 pub(crate) struct Args {
