@@ -193,9 +193,7 @@ impl Arena<'_> {
         let g = &parts.first()?.1;
         let taken = best_base.total(self.best_ground) - base.total(i) + sum(&g.all, i);
         let taken_from_fold = |f: usize| fold_taken(self.bases, self.best_ground, i, f) + g.all[f][i];
-        let taken_by_fold: Vec<f64> = (0..g.all.len()).map(taken_from_fold).collect();
-        let due: Vec<f64> = g.due.iter().map(|f| f[i]).collect();
-        let tally = tally(&due, &taken_by_fold);
+        let tally = tally(&self.work.gram, &own, &taken_from_fold);
         let real = [self.best_ground, i];
         let gain = share(best_base, real);
         Some((Trial { variant: variant.clone(), ground: i, taken, gain, tally }, nulls))

@@ -94,14 +94,11 @@ pub(crate) struct Gains {
     pub(crate) all: Vec<Vec<f64>>,
     /// Over the joints it acts on: [fold][target].
     pub(crate) scope: Vec<Vec<f64>>,
-    /// What it would take away over all joints if it were as large there as on the other folds, [fold][target]: the power of what the base
-    /// cannot imitate of it.
-    pub(crate) due: Vec<Vec<f64>>,
 }
 
 /// Fits `columns` on top of `base` on all but each fold and judges on that fold; `scope` are the joints they act on.
 pub(crate) fn gains(gram: &Gram, cross: &Cross, base: &Base, columns: &[ColumnId], prior: &[f64], scope: &[usize]) -> Gains {
-    let mut out = Gains { all: Vec::new(), scope: Vec::new(), due: Vec::new() };
+    let mut out = Gains { all: Vec::new(), scope: Vec::new() };
     for fold in &base.folds {
         let f = fold.fold;
         let with = products(gram, &base.columns, columns, Over::AllBut(f));
@@ -109,26 +106,23 @@ pub(crate) fn gains(gram: &Gram, cross: &Cross, base: &Base, columns: &[ColumnId
         let own = products(gram, columns, columns, Over::AllBut(f)) - with.transpose() * &a;
         let rhs = targets(gram, cross, columns, Over::AllBut(f)) - with.transpose() * &fold.coefficients;
         let g = Factor::new(own, prior).solve(&rhs);
-        let judge = |over: Over, (own, left): &(Mat<f64>, Mat<f64>)| -> (Vec<f64>, Vec<f64>) {
+        let judge = |over: Over, (own, left): &(Mat<f64>, Mat<f64>)| -> Vec<f64> {
             let with = products(gram, &base.columns, columns, over);
             let bent = with.transpose() * &a;
             let square = products(gram, columns, columns, over) - &bent - bent.transpose() + a.transpose() * (own * &a);
             let linear = targets(gram, cross, columns, over) - with.transpose() * &fold.coefficients - a.transpose() * left;
             let moved = &square * &g;
-            let sum = |b: usize, of: &dyn Fn(usize) -> f64| (0..columns.len()).map(|i| g[(i, b)] * of(i)).sum::<f64>();
-            let taken = (0..g.ncols()).map(|b| sum(b, &|i| 2.0 * linear[(i, b)] - moved[(i, b)]));
-            (taken.collect(), (0..g.ncols()).map(|b| sum(b, &|i| moved[(i, b)])).collect())
+            (0..g.ncols()).map(|b| (0..columns.len()).map(|i| g[(i, b)] * (2.0 * linear[(i, b)] - moved[(i, b)])).sum()).collect()
         };
-        let (all, due) = judge(Over::Only(f), &fold.parts[0]);
+        let all = judge(Over::Only(f), &fold.parts[0]);
         // Where a candidate acts on every row, its rows are all rows.
         out.scope.push(if scope.is_empty() || scope.len() == gram.active.len() {
             all.clone()
         } else {
-            let each: Vec<Vec<f64>> = scope.iter().map(|&j| judge(Over::OnlyJoint(f, j), &fold.parts[1 + j]).0).collect();
+            let each: Vec<Vec<f64>> = scope.iter().map(|&j| judge(Over::OnlyJoint(f, j), &fold.parts[1 + j])).collect();
             (0..all.len()).map(|b| each.iter().map(|part| part[b]).sum()).collect()
         });
         out.all.push(all);
-        out.due.push(due);
     }
     out
 }

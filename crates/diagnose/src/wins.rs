@@ -1,8 +1,10 @@
 //! In how many blocks an explanation helps, and how evenly.
 
+use crate::design::ColumnId;
 use crate::final_fit::student_95;
+use crate::gram::Gram;
 
-/// A block in which less than this share of an even one's is due has nothing of the explanation.
+/// A block with less of the columns' squared length than this share of an even one's has nothing of them.
 const NOTHING: f64 = 1e-3;
 
 /// What an explanation takes away, told by blocks.
@@ -11,17 +13,23 @@ pub(crate) struct Tally {
     /// Blocks in which it helps. What acts in some of the blocks only, such as a push, can help in no other: of those where it does, the
     /// rule of succession says how often it would.
     pub(crate) wins: usize,
-    /// Whether it helps where it acts. Its power in a block, beyond what the base can imitate, says how much it should take away there: that it
-    /// does is above nothing by Student's t at one in forty. What should help everywhere and does in two blocks alone is not steady, however much it helps there; what
+    /// Whether it helps where it acts. Its own power in a block says how much it should take away there: that it does is above nothing by
+    /// Student's t at one in forty. What should help everywhere and does in two blocks alone is not steady, however much it helps there; what
     /// acts in two blocks, and helps in both, is.
     pub(crate) is_steady: bool,
 }
 
-/// Counts the blocks in which an explanation takes away `taken` of the squared error, where `due` is what it should take away there.
-pub(crate) fn tally(due: &[f64], taken: &[f64]) -> Tally {
-    let even = due.iter().sum::<f64>() / due.len().max(1) as f64;
-    let won: Vec<bool> = due.iter().zip(taken).filter(|(d, _)| **d > NOTHING * even).map(|(_, t)| *t > 0.0).collect();
-    Tally { wins: succession(&won, due.len()), is_steady: is_steady(due, taken) }
+/// Counts the blocks in which columns take away `taken` of the squared error.
+pub(crate) fn tally(gram: &Gram, own: &[ColumnId], taken: &dyn Fn(usize) -> f64) -> Tally {
+    let power = |f: usize| -> f64 {
+        let at = |id: ColumnId, j: usize| gram.local[j][id].map_or(0.0, |l| gram.xx[f][j][(l, l)] * gram.scale[id] * gram.scale[id]);
+        own.iter().map(|&id| (0..gram.active.len()).map(|j| at(id, j)).sum::<f64>()).sum()
+    };
+    let powers: Vec<f64> = (0..gram.n_folds).map(power).collect();
+    let taken: Vec<f64> = (0..gram.n_folds).map(taken).collect();
+    let even = powers.iter().sum::<f64>() / powers.len().max(1) as f64;
+    let won: Vec<bool> = powers.iter().zip(&taken).filter(|(p, _)| **p > NOTHING * even).map(|(_, t)| *t > 0.0).collect();
+    Tally { wins: succession(&won, powers.len()), is_steady: is_steady(&powers, &taken) }
 }
 
 /// Whether the slope of a line through nothing, of what is taken away over power, is above nothing.
