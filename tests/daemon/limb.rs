@@ -4,11 +4,11 @@ use pkm_daemon::DaemonConfig;
 use pkm_daemon::config::Settings;
 use pkm_dyn::effects::Robot;
 use pkm_dyn::urdf::parse;
-use pkm_hal::{Limiter, ManualClock, Watchdog, WatchdogLimits};
+use pkm_hal::ManualClock;
 use pkm_sim::sensors::ForceCell;
 use pkm_sim::{ConstrainedOptions, Paced, PlantKind, SimBackend, SimOptions};
 
-use super::rig::{CONFIG, Guarded};
+use super::rig::{CONFIG, Guarded, behind_limits};
 
 const SENSOR: &str = "\n[[sensor]]\nname = \"foot\"\nkind = \"wrench\"\nlink = \"platform\"\n";
 
@@ -39,12 +39,5 @@ pub(crate) fn guarded<'c>(real: &Robot, settings: &Settings, clock: &'c ManualCl
     let mut device = SimBackend::of_robot(plant, real, &options).expect("three drives");
     device.add_wrench(0, core::array::from_fn(|i| ForceCell::new(options.effort, 1, 200 + i))).expect("this plant feels");
     let device = Paced::try_new(device, clock, period_ns).expect("a state");
-    let watched = WatchdogLimits {
-        late_ns: settings.limits.gate.late_ns,
-        stale_ns: settings.limits.gate.stale_ns,
-        ahead_ns: period_ns,
-        horizon_ns: 2 * settings.limits.valid_for_ns,
-    };
-    let device = Limiter::try_new(device, &settings.axes).expect("sensible limits");
-    Watchdog::try_new(device, clock, watched, settings.limits.safe).expect("a bounded action")
+    behind_limits(device, settings, clock)
 }

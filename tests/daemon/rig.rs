@@ -53,10 +53,15 @@ pub(crate) fn guarded<C: Clock + Copy>(robot: &Robot, settings: &Settings, start
     let substeps = u32::try_from(period_ns.div_ceil(500_000)).expect("a short period");
     let options = SimOptions { period_ns, substeps, encoder_resolution: 1e-6, encoder_noise: 1e-6, ..SimOptions::default() };
     let device = Paced::try_new(SimBackend::of_robot(plant, robot, &options).expect("three drives"), clock, period_ns).expect("a state");
+    behind_limits(device, settings, clock)
+}
+
+/// A device behind limits and a watchdog of its own.
+pub(crate) fn behind_limits<B: Backend, C: Clock>(device: B, settings: &Settings, clock: C) -> Watchdog<Limiter<B>, C> {
     let watched = WatchdogLimits {
         late_ns: settings.limits.gate.late_ns,
         stale_ns: settings.limits.gate.stale_ns,
-        ahead_ns: period_ns,
+        ahead_ns: settings.limits.period_ns,
         horizon_ns: 2 * settings.limits.valid_for_ns,
     };
     let device = Limiter::try_new(device, &settings.axes).expect("sensible limits");

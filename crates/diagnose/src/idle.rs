@@ -48,21 +48,8 @@ fn travel(x: &[f64]) -> f64 {
 /// Spans of samples, end excluded, in which all series are exactly zero.
 fn zero_spans(all: &[&[f64]]) -> Vec<(usize, usize)> {
     let n = all.iter().map(|x| x.len()).min().unwrap_or(0);
-    let is_zero = |i: usize| all.iter().all(|x| x[i].abs() <= 0.0);
-    let mut spans = Vec::new();
-    let mut begin = None;
-    for i in 0..=n {
-        let now = i < n && is_zero(i);
-        match (begin, now) {
-            (None, true) => begin = Some(i),
-            (Some(from), false) => {
-                spans.push((from, i));
-                begin = None;
-            }
-            _ => {}
-        }
-    }
-    spans
+    let at: Vec<usize> = (0..n).filter(|&i| all.iter().all(|x| x[i].abs() <= 0.0)).collect();
+    at.chunk_by(|a, b| a + 1 == *b).map(|run| (run[0], run[0] + run.len())).collect()
 }
 
 #[cfg(test)]

@@ -25,8 +25,7 @@ pub(crate) fn rank(work: &mut Work, band: f64) -> Vec<Step> {
     let mut steps = vec![Step { pick: None, heldout: pooled(&errors(work, &left_as_given(work, &[], View::Judge))) }];
     work.design.chain = work.design.given_chain.clone();
     work.rebuild();
-    let is_contained: Vec<bool> = (0..picks.len()).map(|i| container(work, i).is_some()).collect();
-    let mut open: Vec<usize> = (0..picks.len()).filter(|&i| !is_contained[i]).collect();
+    let mut open: Vec<usize> = (0..picks.len()).filter(|&i| container(work, i).is_none()).collect();
     // What a law contains is added with it.
     let with =
         |work: &Work, lead: usize| -> Vec<usize> { (0..picks.len()).filter(|&i| i == lead || container(work, i) == Some(lead)).collect() };
@@ -38,7 +37,7 @@ pub(crate) fn rank(work: &mut Work, band: f64) -> Vec<Step> {
         let at = (0..open.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b])).unwrap_or(0);
         let lead = open.remove(at);
         taken.extend(&groups[lead]);
-        error_with(work, &picks, (&chain, &taken));
+        put(work, &picks, (&chain, &taken));
         steps.push(Step { pick: Some(lead), heldout: held_out(work) });
     }
     work.picks = picks;
@@ -49,8 +48,16 @@ pub(crate) fn rank(work: &mut Work, band: f64) -> Vec<Step> {
     steps
 }
 
-/// Puts some of the picks in place, with the chains among them as they were found; the squared error on blocks they are not fitted on.
+/// Squared error of some of the picks on blocks they are not fitted on.
 fn error_with(work: &mut Work, picks: &[Pick], (chain, some): (&[Chain], &[usize])) -> f64 {
+    put(work, picks, (chain, some));
+    let cross = work.gram.cross(&work.design, &work.real_targets(&[work.softness]));
+    let (columns, prior) = work.picked(None);
+    Base::new(&work.gram, &cross, &columns, &prior).total(0)
+}
+
+/// Puts some of the picks in place, with the chains among them as they were found.
+fn put(work: &mut Work, picks: &[Pick], (chain, some): (&[Chain], &[usize])) {
     work.picks = some.iter().map(|&i| picks[i].clone()).collect();
     let mut now = work.design.given_chain.clone();
     for p in &work.picks {
@@ -63,9 +70,6 @@ fn error_with(work: &mut Work, picks: &[Pick], (chain, some): (&[Chain], &[usize
         work.design.chain = now;
         work.rebuild();
     }
-    let cross = work.gram.cross(&work.design, &work.real_targets(&[work.softness]));
-    let (columns, prior) = work.picked(None);
-    Base::new(&work.gram, &cross, &columns, &prior).total(0)
 }
 
 fn held_out(work: &Work) -> f64 {

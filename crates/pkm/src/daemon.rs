@@ -35,7 +35,7 @@ use workshop::FromFiles;
 
 /// Exit codes of a daemon (docs/FORMATS.md).
 pub(crate) const INTERNAL: u8 = 70;
-pub(crate) const NOT_REALTIME: u8 = 71;
+const NOT_REALTIME: u8 = 71;
 pub(crate) const IO: u8 = 74;
 pub(crate) const BUSY: u8 = 75;
 pub(crate) const CONFIGURATION: u8 = 78;
@@ -120,6 +120,11 @@ pub(crate) struct Stopped {
 impl Stopped {
     pub(crate) fn new(code: u8, problem: impl core::fmt::Display) -> Self {
         Self { code, problem: problem.to_string() }
+    }
+
+    /// Real time is required, and something of it is missing.
+    pub(crate) fn not_realtime(grants: &Grants) -> Self {
+        Self::new(NOT_REALTIME, format!("real time is required: {}", grants.missing.join("; ")))
     }
 }
 

@@ -16,7 +16,7 @@ use pkm_hal::{Clock, SystemClock};
 use serde_json::json;
 
 use crate::daemon::setup::Setup;
-use crate::daemon::{CONFIGURATION, INTERNAL, NOT_REALTIME, Stopped, refuse, robot};
+use crate::daemon::{CONFIGURATION, INTERNAL, Stopped, refuse, robot};
 use crate::out;
 use heard::Heard;
 
@@ -85,8 +85,8 @@ fn serve(args: &Args) -> Result<(), Stopped> {
     let mut log = Log { is_quiet: args.quiet, is_json: args.json, ..Log::default() };
     log.say(&format!("driver of process {}, mended at the start: {:?}", std::process::id(), driver.mended()))?;
     // A robot does not wait for a busy machine. The loop's core is the daemon's.
-    let (grants, _awake) = claim(setup.settings.realtime, None, setup.settings.priority)
-        .map_err(|grants| Stopped::new(NOT_REALTIME, format!("real time is required: {}", grants.missing.join("; "))))?;
+    let claimed = claim(setup.settings.realtime, None, setup.settings.priority);
+    let (grants, _awake) = claimed.map_err(|grants| Stopped::not_realtime(&grants))?;
     if grants.fifo_priority > 0 {
         log.say(&format!("SCHED_FIFO {}", grants.fifo_priority))?;
     }
@@ -131,11 +131,7 @@ impl Log {
         if self.is_quiet {
             return Ok(());
         }
-        if self.is_json {
-            out::line_on_stderr(text);
-            return Ok(());
-        }
-        out::say(text).map_err(|e| Stopped::new(INTERNAL, e))
+        out::words(text, self.is_json).map_err(|e| Stopped::new(INTERNAL, e))
     }
 
     /// Tells what is new in a turn at `now_ns` `[ns]`, after which the commander has lost the robot `trips` times.

@@ -12,6 +12,18 @@ pub(crate) fn say(text: &str) -> anyhow::Result<()> {
     show(text).map(|_| ())
 }
 
+/// Words for people: on standard error where standard output is for JSON alone.
+///
+/// # Errors
+/// When standard output refuses.
+pub(crate) fn words(text: &str, is_json: bool) -> anyhow::Result<()> {
+    if is_json {
+        line_on_stderr(text);
+        return Ok(());
+    }
+    say(text)
+}
+
 /// As [`say`]; whether there is somebody to read more.
 ///
 /// # Errors

@@ -28,14 +28,9 @@ impl Reporter for OnTerminal {
     }
 
     fn line(&mut self, text: &str) {
-        if self.is_quiet {
-            return;
-        }
-        if self.is_json {
-            out::line_on_stderr(text);
-        } else {
+        if !self.is_quiet {
             // A terminal that has gone away is no reason to let go of a robot.
-            let _ = out::say(text);
+            let _ = out::words(text, self.is_json);
         }
     }
 

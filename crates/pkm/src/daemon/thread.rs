@@ -16,7 +16,7 @@ use pkm_hal::cycle::ring::RingSink;
 use pkm_hal::{Backend, Limiter, SystemClock};
 
 use super::setup::Setup;
-use super::{INTERNAL, IO, NOT_REALTIME, Stopped, robot};
+use super::{INTERNAL, IO, Stopped, robot};
 
 /// Longest time until the loop runs or says why not: a service that is locked costs a second.
 const BEGIN: Duration = Duration::from_secs(20);
@@ -115,7 +115,7 @@ fn turn<B: Backend>(hal: B, room: Room) -> Result<(), Stopped> {
             let _ = begun.send(grants);
             awake
         }
-        Err(grants) => return Err(Stopped::new(NOT_REALTIME, format!("real time is required: {}", grants.missing.join("; ")))),
+        Err(grants) => return Err(Stopped::not_realtime(&grants)),
     };
     let outcome = runner::run(&mut machine, &SystemClock, settings.limits.period_ns, &stop, &mut |_| {});
     outcome.map_err(|e| Stopped::new(INTERNAL, e))

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use rustix::process::Signal;
 
-use crate::site::{CONFIG, PATIENCE_S, Site, within};
+use crate::site::{CONFIG, PATIENCE_S, Site, end_of};
 
 /// A simulated robot: one process; and these changes of its file.
 fn site(changes: &[(&str, &str)]) -> Site {
@@ -61,11 +61,7 @@ fn a_reader_of_its_words_that_goes_away_is_no_reason_to_let_go_of_the_robot() {
     site.order("stop");
     site.until(&["holding"]);
     site.order("quit");
-    let code = within(PATIENCE_S, || daemon.try_wait().unwrap());
-    if code.is_none() {
-        daemon.kill().unwrap();
-    }
-    assert_eq!(code.and_then(|code| code.code()), Some(0));
+    assert_eq!(end_of(&mut daemon), Some(0));
 }
 
 #[test]

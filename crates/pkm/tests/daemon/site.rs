@@ -215,6 +215,15 @@ impl Drop for Side {
     }
 }
 
+/// Exit code of a process that ends in time; one that does not is killed.
+pub(crate) fn end_of(child: &mut Child) -> Option<i32> {
+    let status = within(PATIENCE_S, || child.try_wait().unwrap());
+    if status.is_none() {
+        child.kill().unwrap();
+    }
+    status.and_then(|status| status.code())
+}
+
 /// What `look` finds, within so many seconds.
 pub(crate) fn within<T>(seconds: u64, mut look: impl FnMut() -> Option<T>) -> Option<T> {
     let end = SystemClock.now_ns() + seconds * 1_000_000_000;

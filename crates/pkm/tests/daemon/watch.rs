@@ -8,7 +8,7 @@ use std::process::{Child, Command, Stdio};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
-use crate::site::{CONFIG, PATIENCE_S, Site, within};
+use crate::site::{CONFIG, PATIENCE_S, Site, end_of, within};
 
 /// A simulated robot: one process.
 fn site() -> Site {
@@ -127,11 +127,7 @@ fn it_ends_when_nobody_reads_any_more() {
     let mut line = String::new();
     BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
     assert!(line.contains("\"phase\":\"ready\""), "{line}");
-    let code = within(PATIENCE_S, || child.try_wait().unwrap());
-    if code.is_none() {
-        child.kill().unwrap();
-    }
-    assert_eq!(code.and_then(|code| code.code()), Some(0));
+    assert_eq!(end_of(&mut child), Some(0));
 }
 
 #[test]
