@@ -36,6 +36,8 @@ struct Stack {
 pub(crate) struct Cross {
     /// Column with target: [fold][joint], columns × targets.
     pub(crate) xy: Vec<Vec<Mat<f64>>>,
+    /// The same summed over the fitted folds: [joint].
+    pub(crate) xy_all: Vec<Mat<f64>>,
     /// Target with itself: [fold][joint][target].
     pub(crate) yy: Vec<Vec<Vec<f64>>>,
 }
@@ -57,12 +59,7 @@ impl Gram {
         let stacks = stacks(design, &active);
         let scale = scales(n_columns, &active, &stacks[..design.n_folds]);
         let xx: Vec<Vec<Mat<f64>>> = stacks.par_iter().map(|joints| joints.iter().map(|s| s.x.transpose() * &s.x).collect()).collect();
-        let mut xx_all: Vec<Mat<f64>> = active.iter().map(|a| Mat::zeros(a.len(), a.len())).collect();
-        for fold in &xx[..design.n_folds] {
-            for (sum, x) in xx_all.iter_mut().zip(fold) {
-                *sum += x;
-            }
-        }
+        let xx_all = summed(&xx[..design.n_folds]);
         Self { n_folds: design.n_folds, active, local, xx, xx_all, scale, stacks }
     }
 
@@ -95,8 +92,18 @@ impl Gram {
             xy.push(xy_fold);
             yy.push(yy_fold);
         }
-        Cross { xy, yy }
+        let xy_all = summed(&xy[..self.n_folds]);
+        Cross { xy, xy_all, yy }
     }
+}
+
+/// Sum over folds of each joint's matrix.
+fn summed(folds: &[Vec<Mat<f64>>]) -> Vec<Mat<f64>> {
+    let mut sums = folds.first().map_or_else(Vec::new, Clone::clone);
+    for fold in folds.iter().skip(1) {
+        sums.iter_mut().zip(fold).for_each(|(sum, x)| *sum += x);
+    }
+    sums
 }
 
 fn stacks(design: &Design, active: &[Vec<ColumnId>]) -> Vec<Vec<Stack>> {

@@ -23,14 +23,6 @@ impl Over {
     fn has_joint(self, joint: usize) -> bool {
         !matches!(self, Self::OnlyJoint(_, j) if j != joint)
     }
-
-    fn has_fold(self, fold: usize, n_folds: usize) -> bool {
-        match self {
-            Self::All => fold < n_folds,
-            Self::AllBut(k) => fold < n_folds && k != fold,
-            Self::Only(k) | Self::OnlyJoint(k, _) => k == fold,
-        }
-    }
 }
 
 /// Sum of products of `rows` with `columns`, in scaled units.
@@ -66,20 +58,24 @@ pub(crate) fn products(gram: &Gram, rows: &[ColumnId], columns: &[ColumnId], ove
 
 /// Products of `rows` with every target, in scaled units.
 pub(crate) fn targets(gram: &Gram, cross: &Cross, rows: &[ColumnId], over: Over) -> Mat<f64> {
-    let n_targets = cross.xy.first().and_then(|f| f.first()).map_or(0, Mat::ncols);
+    let n_targets = cross.xy_all.first().map_or(0, Mat::ncols);
     let mut out = Mat::zeros(rows.len(), n_targets);
-    for (f, fold) in cross.xy.iter().enumerate() {
-        if !over.has_fold(f, gram.n_folds) {
-            continue;
-        }
-        for (j, xy) in fold.iter().enumerate().filter(|(j, _)| over.has_joint(*j)) {
-            for (i, &id) in rows.iter().enumerate() {
-                if let Some(l) = gram.local[j][id] {
-                    for b in 0..n_targets {
-                        out[(i, b)] += gram.scale[id] * xy[(l, b)];
-                    }
-                }
+    for j in (0..gram.active.len()).filter(|&j| over.has_joint(j)) {
+        let local: Vec<(usize, usize)> = rows.iter().enumerate().filter_map(|(i, &id)| gram.local[j][id].map(|l| (i, l))).collect();
+        let (sum, less) = match over {
+            Over::All => (&cross.xy_all[j], None),
+            Over::AllBut(f) => (&cross.xy_all[j], (f < gram.n_folds).then(|| &cross.xy[f][j])),
+            Over::Only(f) | Over::OnlyJoint(f, _) => (&cross.xy[f][j], None),
+        };
+        for b in 0..n_targets {
+            for &(i, l) in &local {
+                out[(i, b)] += sum[(l, b)] - less.map_or(0.0, |x| x[(l, b)]);
             }
+        }
+    }
+    for b in 0..n_targets {
+        for (i, &id) in rows.iter().enumerate() {
+            out[(i, b)] *= gram.scale[id];
         }
     }
     out
