@@ -92,7 +92,7 @@ fn judge(work: &mut Work, settings: &Settings) -> Vec<Judged> {
             let parts = work.kinds_of_rows(&scope);
             let of_part: Vec<_> = parts.iter().map(|part| screen::gains(&work.gram, &cross, &base, &own, &own_prior, part)).collect();
             let gain = |t: usize| {
-                let each = parts.iter().zip(&of_part).map(|(part, g)| g.scope[0][t] / base.over(part, t).max(f64::MIN_POSITIVE));
+                let each = parts.iter().zip(&of_part).map(|(part, g)| g.scope[t] / base.over(part, t).max(f64::MIN_POSITIVE));
                 each.fold(f64::NEG_INFINITY, f64::max)
             };
             let own_gain = if whole { chain_held_out_gain(work, i) } else { gain(0) };

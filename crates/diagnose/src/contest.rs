@@ -1,5 +1,7 @@
 //! One decision: which candidate, if any, is worth adding, judged against what chance alone achieves on the same data.
 
+use alloc::collections::BTreeMap;
+
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -8,11 +10,11 @@ use crate::columns::{self, Family};
 use crate::design::{ColumnId, View};
 use crate::gram::{Cross, Targets};
 use crate::isolability::projected;
-use crate::screen::{self, Base};
+use crate::screen::{self, Base, Gains, Set};
 use crate::settings::Settings;
 use crate::solve::{Over, products};
 use crate::wins::{Tally, tally};
-use crate::work::{Candidate, Pick, Variant, Work};
+use crate::work::{Pick, Variant, Work};
 use crate::worth::size;
 
 /// A set of columns candidates are added to, at one softness.
@@ -93,7 +95,7 @@ pub(crate) fn contest(work: &Work, pool: &[usize], grounds: &[Ground], null_left
     let best_ground = best_of(&|i| i);
     let null_best: Vec<usize> = (0..settings.null_runs).map(|b| best_of(&|_| n_real + b)).collect();
     let arena = Arena { work, grounds, bases: &bases, cross: &cross, best_ground, null_best: &null_best };
-    let judged: Vec<(Score, Vec<f64>)> = pool.par_iter().filter_map(|&c| arena.judge(c)).collect();
+    let judged = arena.judge(pool);
     let mut null = vec![f64::NEG_INFINITY; settings.null_runs];
     let mut scores = Vec::new();
     for (mut score, gains) in judged {
@@ -125,9 +127,6 @@ pub(crate) fn mean_and_sd(x: &[f64]) -> (f64, f64) {
     (mean, pkm_dyn::math::sqrt(variance).max(1e-6))
 }
 
-/// Rows of one kind, and what a candidate gains there.
-type Part = (Vec<usize>, screen::Gains);
-
 /// What one candidate needs to be judged.
 struct Arena<'a> {
     work: &'a Work<'a>,
@@ -138,65 +137,89 @@ struct Arena<'a> {
     null_best: &'a [usize],
 }
 
+/// One shape of a candidate, to be tried on one ground.
+struct Shape<'a> {
+    candidate: usize,
+    variant: &'a Variant,
+    ground: usize,
+}
+
+/// Candidates that are fitted at once: enough for wide products of matrices, few enough for the cores to share a hundred of them.
+const AT_ONCE: usize = 8;
+
 impl Arena<'_> {
-    /// The candidate's best shape on the recording, and its best gain in every null run.
-    fn judge(&self, candidate: usize) -> Option<(Score, Vec<f64>)> {
-        let c = &self.work.candidates[candidate];
-        let n_real = self.grounds.len();
-        let shapes: Vec<(&Variant, usize)> = c
-            .variants
-            .iter()
-            .flat_map(|v| (0..n_real).map(move |i| (v, i)))
-            .filter(|(v, i)| v.softness.map_or(*i == self.best_ground, |w| w == self.grounds[*i].softness))
-            .collect();
-        // Some candidates have a hundred shapes and most have three: shapes, not candidates, are what the cores share.
-        let tried: Vec<(Trial, Vec<f64>)> = shapes.par_iter().filter_map(|(v, i)| self.attempt(c, v, *i)).collect();
-        let mut null = vec![f64::NEG_INFINITY; self.null_best.len()];
-        let mut trials = Vec::with_capacity(tried.len());
-        for (trial, gains) in tried {
-            null.iter_mut().zip(gains).for_each(|(n, g)| *n = n.max(g));
-            trials.push(trial);
+    /// Each candidate's best shape on the recording, and its best gain in every null run.
+    fn judge(&self, pool: &[usize]) -> Vec<(Score, Vec<f64>)> {
+        let mut by_scope: BTreeMap<&[usize], Vec<usize>> = BTreeMap::new();
+        for &c in pool {
+            by_scope.entry(&self.work.candidates[c].scope).or_default().push(c);
         }
-        trials.sort_by(|a, b| b.taken.total_cmp(&a.taken));
-        prefer_simple(&mut trials);
-        let mut trials = trials.into_iter();
-        trials.next().map(|best| (Score::of(candidate, best, trials.take(MAX_OTHERS).collect()), null))
+        let groups: Vec<(&[usize], &[usize])> =
+            by_scope.iter().flat_map(|(scope, all)| all.chunks(AT_ONCE).map(|some| (*scope, some))).collect();
+        let mut tried: Vec<(usize, Trial, Vec<f64>)> =
+            groups.par_iter().flat_map_iter(|(scope, some)| self.attempt_all(scope, some)).collect();
+        tried.sort_by(|(a, t, _), (b, u, _)| a.cmp(b).then(u.taken.total_cmp(&t.taken)));
+        let mut out = Vec::new();
+        for group in tried.chunk_by(|a, b| a.0 == b.0) {
+            let mut null = vec![f64::NEG_INFINITY; self.null_best.len()];
+            group.iter().for_each(|(_, _, gains)| null.iter_mut().zip(gains).for_each(|(n, g)| *n = n.max(*g)));
+            let mut trials: Vec<Trial> = group.iter().map(|(_, trial, _)| trial.clone()).collect();
+            prefer_simple(&mut trials);
+            let mut trials = trials.into_iter();
+            out.extend(trials.next().map(|best| (Score::of(group[0].0, best, trials.take(MAX_OTHERS).collect()), null)));
+        }
+        out
     }
 
-    /// One shape on one ground: its numbers on the recording and its gain in every null run.
-    fn attempt(&self, c: &Candidate, variant: &Variant, i: usize) -> Option<(Trial, Vec<f64>)> {
-        let (own, prior) = own_columns(self.work, variant, &self.grounds[i].columns);
-        if own.is_empty() {
-            return None;
-        }
-        let (base, best_base, n_real) = (&self.bases[i], &self.bases[self.best_ground], self.grounds.len());
-        let sum = |parts: &[Vec<f64>], t: usize| parts.iter().map(|f| f[t]).sum::<f64>();
+    /// Every shape of some candidates of one scope: the candidate, its numbers on the recording and its gain in every null run.
+    fn attempt_all(&self, scope: &[usize], candidates: &[usize]) -> Vec<(usize, Trial, Vec<f64>)> {
         // Efforts and other positions each have their own errors: a candidate is judged where it does most.
-        let parts: Vec<Part> = self
-            .work
-            .kinds_of_rows(&c.scope)
-            .into_iter()
-            .map(|part| {
-                let g = screen::gains(&self.work.gram, self.cross, base, &own, &prior, &part);
-                (part, g)
-            })
-            .collect();
-        // Squared error that is taken away from some rows, between a target before and one after.
-        let taken_from = |(part, g): &Part, best: &Base, [before, after]: [usize; 2]| {
-            best.over(part, before) - base.over(part, after) + sum(&g.scope, after)
-        };
-        let share = |best: &Base, at: [usize; 2]| {
-            let each = parts.iter().map(|p| taken_from(p, best, at) / best.over(&p.0, at[0]).max(f64::MIN_POSITIVE));
+        let parts = self.work.kinds_of_rows(scope);
+        let mut out = Vec::new();
+        for (i, ground) in self.grounds.iter().enumerate() {
+            let is_here = |v: &Variant| v.softness.map_or(i == self.best_ground, |w| w == ground.softness);
+            let shapes = candidates.iter().flat_map(|&candidate| {
+                let variants = self.work.candidates[candidate].variants.iter().filter(|v| is_here(v));
+                variants.map(move |variant| Shape { candidate, variant, ground: i })
+            });
+            let (shapes, sets): (Vec<Shape>, Vec<Set>) = shapes
+                .filter_map(|shape| {
+                    let (columns, prior) = own_columns(self.work, shape.variant, &ground.columns);
+                    (!columns.is_empty()).then_some((shape, Set { columns, prior }))
+                })
+                .unzip();
+            if sets.is_empty() {
+                continue;
+            }
+            let each = |part: &Vec<usize>| screen::gains_each(&self.work.gram, self.cross, &self.bases[i], &sets, part);
+            let gains: Vec<Vec<Gains>> = parts.iter().map(each).collect();
+            for (n, (shape, set)) in shapes.iter().zip(&sets).enumerate() {
+                let there: Vec<(&[usize], &Gains)> = parts.iter().zip(&gains).map(|(part, g)| (part.as_slice(), &g[n])).collect();
+                out.extend(self.numbers(shape, &set.columns, &there).map(|(trial, nulls)| (shape.candidate, trial, nulls)));
+            }
+        }
+        out
+    }
+
+    /// A shape's numbers on the recording and its gain in every null run; `parts` are rows of one kind each, and what it gains there.
+    fn numbers(&self, shape: &Shape, own: &[ColumnId], parts: &[(&[usize], &Gains)]) -> Option<(Trial, Vec<f64>)> {
+        let i = shape.ground;
+        let (base, best_base, n_real) = (&self.bases[i], &self.bases[self.best_ground], self.grounds.len());
+        // Squared error that is taken away from some rows, between a target before and one after, as a share of what was there.
+        let share = |best: &Base, [before, after]: [usize; 2]| {
+            let each = parts.iter().map(|(part, g)| {
+                let there = best.over(part, before);
+                (there - base.over(part, after) + g.scope[after]) / there.max(f64::MIN_POSITIVE)
+            });
             each.fold(f64::NEG_INFINITY, f64::max)
         };
         let nulls = (0..self.null_best.len()).map(|b| share(&self.bases[self.null_best[b]], [n_real + b; 2])).collect();
-        let g = &parts.first()?.1;
-        let taken = best_base.total(self.best_ground) - base.total(i) + sum(&g.all, i);
-        let taken_from_fold = |f: usize| fold_taken(self.bases, self.best_ground, i, f) + g.all[f][i];
-        let tally = tally(&self.work.gram, &own, &taken_from_fold);
-        let real = [self.best_ground, i];
-        let gain = share(best_base, real);
-        Some((Trial { variant: variant.clone(), ground: i, taken, gain, tally }, nulls))
+        let all = &parts.first()?.1.all;
+        let taken = best_base.total(self.best_ground) - base.total(i) + all.iter().map(|f| f[i]).sum::<f64>();
+        let taken_from_fold = |f: usize| fold_taken(self.bases, self.best_ground, i, f) + all[f][i];
+        let tally = tally(&self.work.gram, own, &taken_from_fold);
+        let gain = share(best_base, [self.best_ground, i]);
+        Some((Trial { variant: shape.variant.clone(), ground: i, taken, gain, tally }, nulls))
     }
 }
 

@@ -70,7 +70,7 @@ fn gain(work: &mut Work, index: usize, kappa: f64) -> f64 {
         return 0.0;
     }
     let g = screen::gains(&work.gram, &cross, &base, &ids, &prior, &scope);
-    g.scope.iter().map(|f| f[0]).sum::<f64>() / before
+    g.scope[0] / before
 }
 
 /// Share of a column's squared length below which what survives is rounding.

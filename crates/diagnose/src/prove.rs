@@ -153,7 +153,7 @@ fn superfluous(work: &mut Work, settings: &Settings) -> Option<usize> {
             0.0
         } else {
             let g = screen::gains(&work.gram, &cross, &base, &own, &own_prior, scope);
-            g.scope.iter().map(|f| f[0]).sum::<f64>() / before
+            g.scope[0] / before
         };
         let size = crate::worth::size(work, p.candidate, &p.variant, &value);
         if size <= settings.tolerance_of(p.variant.n_own) {

@@ -1,6 +1,6 @@
 //! Screening: what each candidate would gain on blocks it was not fitted on, for the recording and for null runs alike.
 
-use faer::Mat;
+use faer::{ColRef, Mat};
 use rayon::prelude::*;
 
 use crate::design::ColumnId;
@@ -19,8 +19,28 @@ struct FoldBase {
     fold: usize,
     factor: Factor,
     coefficients: Mat<f64>,
-    /// Products of the columns among themselves and with what is left, on the fold's rows: all joints, then each joint.
-    parts: Vec<(Mat<f64>, Mat<f64>)>,
+    /// On the fold's rows: all joints, then each joint.
+    parts: Vec<Part>,
+}
+
+/// Products of the base's columns among themselves and with what is left, on some rows.
+#[derive(Clone)]
+struct Part {
+    own: Mat<f64>,
+    left: Mat<f64>,
+}
+
+impl FoldBase {
+    /// Products on the fold's rows of some joints.
+    fn part(&self, joints: &[usize]) -> Option<Part> {
+        let mut each = joints.iter().map(|&j| &self.parts[1 + j]);
+        let mut sum = each.next()?.clone();
+        for part in each {
+            sum.own += &part.own;
+            sum.left += &part.left;
+        }
+        Some(sum)
+    }
 }
 
 impl Base {
@@ -43,10 +63,11 @@ impl Base {
                 let part = |over| {
                     let own = products(gram, columns, columns, over);
                     let left = targets(gram, cross, columns, over) - &own * &coefficients;
-                    (own, left)
+                    Part { own, left }
                 };
+                let joints: Vec<usize> = (0..gram.active.len()).collect();
                 let mut parts = vec![part(Over::Only(f))];
-                parts.extend((0..gram.active.len()).map(|j| part(Over::OnlyJoint(f, j))));
+                parts.extend(joints.chunks(1).map(|j| part(Over::OnlyJoints(f, j))));
                 FoldBase { fold: f, factor, coefficients, parts }
             })
             .collect();
@@ -89,42 +110,120 @@ fn fold_errors(gram: &Gram, cross: &Cross, columns: &[ColumnId], f: usize, coeff
 }
 
 /// Held-out squared error a candidate takes away.
+#[derive(Default)]
 pub(crate) struct Gains {
     /// Over all joints: [fold][target].
     pub(crate) all: Vec<Vec<f64>>,
-    /// Over the joints it acts on: [fold][target].
-    pub(crate) scope: Vec<Vec<f64>>,
+    /// Over the joints it acts on, summed over the folds: [target].
+    pub(crate) scope: Vec<f64>,
 }
 
-/// Fits `columns` on top of `base` on all but each fold and judges on that fold; `scope` are the joints they act on.
+/// Columns that are fitted together on top of a base, with their inverse prior variances.
+pub(crate) struct Set {
+    pub(crate) columns: Vec<ColumnId>,
+    pub(crate) prior: Vec<f64>,
+}
+
+/// Fits `columns` on top of `base` on all but each fold and judges on that fold; `scope` are the joints they act on, all when empty.
 pub(crate) fn gains(gram: &Gram, cross: &Cross, base: &Base, columns: &[ColumnId], prior: &[f64], scope: &[usize]) -> Gains {
-    let mut out = Gains { all: Vec::new(), scope: Vec::new() };
+    let set = Set { columns: columns.to_vec(), prior: prior.to_vec() };
+    gains_each(gram, cross, base, &[set], scope).pop().unwrap_or_default()
+}
+
+/// The same of several sets, each alone: what they share with the base is computed for all of them at once.
+pub(crate) fn gains_each(gram: &Gram, cross: &Cross, base: &Base, sets: &[Set], scope: &[usize]) -> Vec<Gains> {
+    let mut ids: Vec<ColumnId> = sets.iter().flat_map(|s| s.columns.iter().copied()).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    let at: Vec<Vec<usize>> = sets.iter().map(|s| s.columns.iter().filter_map(|id| ids.binary_search(id).ok()).collect()).collect();
+    let mut out: Vec<Gains> = sets.iter().map(|_| Gains::default()).collect();
+    // Where candidates act on every row, their rows are all rows.
+    let is_everywhere = scope.is_empty() || scope.len() == gram.active.len();
     for fold in &base.folds {
         let f = fold.fold;
-        let with = products(gram, &base.columns, columns, Over::AllBut(f));
-        let a = fold.factor.solve(&with);
-        let own = products(gram, columns, columns, Over::AllBut(f)) - with.transpose() * &a;
-        let rhs = targets(gram, cross, columns, Over::AllBut(f)) - with.transpose() * &fold.coefficients;
-        let g = Factor::new(own, prior).solve(&rhs);
-        let judge = |over: Over, (own, left): &(Mat<f64>, Mat<f64>)| -> Vec<f64> {
-            let with = products(gram, &base.columns, columns, over);
-            let bent = with.transpose() * &a;
-            let square = products(gram, columns, columns, over) - &bent - bent.transpose() + a.transpose() * (own * &a);
-            let linear = targets(gram, cross, columns, over) - with.transpose() * &fold.coefficients - a.transpose() * left;
-            let moved = &square * &g;
-            (0..g.ncols()).map(|b| (0..columns.len()).map(|i| g[(i, b)] * (2.0 * linear[(i, b)] - moved[(i, b)])).sum()).collect()
-        };
-        let all = judge(Over::Only(f), &fold.parts[0]);
-        // Where a candidate acts on every row, its rows are all rows.
-        out.scope.push(if scope.is_empty() || scope.len() == gram.active.len() {
-            all.clone()
-        } else {
-            let each: Vec<Vec<f64>> = scope.iter().map(|&j| judge(Over::OnlyJoint(f, j), &fold.parts[1 + j])).collect();
-            (0..all.len()).map(|b| each.iter().map(|part| part[b]).sum()).collect()
-        });
-        out.all.push(all);
+        let beside = Beside::new(gram, cross, (base, fold), &ids);
+        let all = beside.on(&fold.parts[0], Over::Only(f));
+        let part = fold.part(scope).filter(|_| !is_everywhere);
+        let there = part.as_ref().map(|part| beside.on(part, Over::OnlyJoints(f, scope)));
+        for ((set, at), out) in sets.iter().zip(&at).zip(&mut out) {
+            let fitted = beside.fit(set, at);
+            let taken = beside.taken(&all, set, at, &fitted);
+            let within = there.as_ref().map_or_else(|| taken.clone(), |there| beside.taken(there, set, at, &fitted));
+            out.scope.resize(within.len(), 0.0);
+            out.scope.iter_mut().zip(within).for_each(|(sum, t)| *sum += t);
+            out.all.push(taken);
+        }
     }
     out
+}
+
+/// Columns less what the base imitates of them, the base fitted on all but one fold.
+struct Beside<'a> {
+    gram: &'a Gram,
+    cross: &'a Cross,
+    base: &'a Base,
+    fold: &'a FoldBase,
+    ids: &'a [ColumnId],
+    /// Coefficients of the base that imitate each column: base × columns.
+    imitating: Mat<f64>,
+    fitted_on: On<'a>,
+}
+
+/// Such columns on some rows.
+struct On<'j> {
+    over: Over<'j>,
+    /// With what the base leaves: columns × targets.
+    linear: Mat<f64>,
+    /// The base's columns with these: base × columns.
+    with: Mat<f64>,
+    /// The base's columns with what they imitate of these: base × columns.
+    moved: Mat<f64>,
+}
+
+impl<'a> Beside<'a> {
+    fn new(gram: &'a Gram, cross: &'a Cross, (base, fold): (&'a Base, &'a FoldBase), ids: &'a [ColumnId]) -> Self {
+        let over = Over::AllBut(fold.fold);
+        let with = products(gram, &base.columns, ids, over);
+        let imitating = fold.factor.solve(&with);
+        let linear = targets(gram, cross, ids, over) - with.transpose() * &fold.coefficients;
+        // What was fitted on imitates as well as it can, priors included.
+        let fitted_on = On { over, linear, moved: with.clone(), with };
+        Self { gram, cross, base, fold, ids, imitating, fitted_on }
+    }
+
+    /// The columns on the rows of `part`.
+    fn on<'j>(&self, part: &Part, over: Over<'j>) -> On<'j> {
+        let with = products(self.gram, &self.base.columns, self.ids, over);
+        let left = targets(self.gram, self.cross, self.ids, over) - with.transpose() * &self.fold.coefficients;
+        On { over, linear: left - self.imitating.transpose() * &part.left, with, moved: &part.own * &self.imitating }
+    }
+
+    /// Coefficients of a set, the base's own fitted along: columns × targets.
+    fn fit(&self, set: &Set, at: &[usize]) -> Mat<f64> {
+        let linear = &self.fitted_on.linear;
+        let own = Mat::from_fn(at.len(), linear.ncols(), |i, b| linear[(at[i], b)]);
+        Factor::new(self.square(&self.fitted_on, set, at), &set.prior).solve(&own)
+    }
+
+    /// Products of a set's columns among themselves.
+    fn square(&self, on: &On, set: &Set, at: &[usize]) -> Mat<f64> {
+        let plain = products(self.gram, &set.columns, &set.columns, on.over);
+        let imitated = |m: &Mat<f64>, i: usize, k: usize| dot(m.col(at[i]), self.imitating.col(at[k]));
+        Mat::from_fn(at.len(), at.len(), |i, k| {
+            plain[(i, k)] - imitated(&on.with, i, k) - imitated(&on.with, k, i) + imitated(&on.moved, i, k)
+        })
+    }
+
+    /// Squared error that fitted coefficients of a set take away, per target.
+    fn taken(&self, on: &On, set: &Set, at: &[usize], fitted: &Mat<f64>) -> Vec<f64> {
+        let moved = self.square(on, set, at) * fitted;
+        let of = |b: usize| (0..at.len()).map(|i| fitted[(i, b)] * (2.0 * on.linear[(at[i], b)] - moved[(i, b)])).sum();
+        (0..fitted.ncols()).map(of).collect()
+    }
+}
+
+fn dot(a: ColRef<f64>, b: ColRef<f64>) -> f64 {
+    a.iter().zip(b.iter()).map(|(x, y)| x * y).sum()
 }
 
 /// Coefficients of `columns` on the rows of `over`, in physical units: columns × targets.

@@ -137,7 +137,7 @@ fn holds(work: &Work, pick: &Pick, grounds: &[Ground], settings: &Settings) -> b
     }
     // Efforts and other positions each have their own errors: what is worth a name in one of them need not show in the other.
     let is_worth = |part: &Vec<usize>| {
-        let taken = screen::gains(&work.gram, &cross, &base, &own, &prior, part).scope[0][0];
+        let taken = screen::gains(&work.gram, &cross, &base, &own, &prior, part).scope[0];
         taken > settings.floor_of(pick.variant.n_own) * base.over(part, 0)
     };
     work.kinds_of_rows(scope).iter().any(is_worth)

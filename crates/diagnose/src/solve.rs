@@ -8,20 +8,20 @@ use crate::gram::{Cross, Gram};
 
 /// Which rows a sum runs over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Over {
+pub(crate) enum Over<'j> {
     /// Every fitted row.
     All,
     /// Every fitted row but one fold's.
     AllBut(usize),
     /// One fold's rows.
     Only(usize),
-    /// One fold's rows of one joint.
-    OnlyJoint(usize, usize),
+    /// One fold's rows of some joints.
+    OnlyJoints(usize, &'j [usize]),
 }
 
-impl Over {
+impl Over<'_> {
     fn has_joint(self, joint: usize) -> bool {
-        !matches!(self, Self::OnlyJoint(_, j) if j != joint)
+        !matches!(self, Self::OnlyJoints(_, joints) if !joints.contains(&joint))
     }
 }
 
@@ -43,7 +43,7 @@ pub(crate) fn products(gram: &Gram, rows: &[ColumnId], columns: &[ColumnId], ove
                     // The held-out fold is in no sum over fitted rows, so there is nothing to take off.
                     Over::AllBut(f) if f == gram.n_folds => gram.xx_all[j][(lr, lc)],
                     Over::AllBut(f) => gram.xx_all[j][(lr, lc)] - gram.xx[f][j][(lr, lc)],
-                    Over::Only(f) | Over::OnlyJoint(f, _) => gram.xx[f][j][(lr, lc)],
+                    Over::Only(f) | Over::OnlyJoints(f, _) => gram.xx[f][j][(lr, lc)],
                 };
             }
         }
@@ -65,7 +65,7 @@ pub(crate) fn targets(gram: &Gram, cross: &Cross, rows: &[ColumnId], over: Over)
         let (sum, less) = match over {
             Over::All => (&cross.xy_all[j], None),
             Over::AllBut(f) => (&cross.xy_all[j], (f < gram.n_folds).then(|| &cross.xy[f][j])),
-            Over::Only(f) | Over::OnlyJoint(f, _) => (&cross.xy[f][j], None),
+            Over::Only(f) | Over::OnlyJoints(f, _) => (&cross.xy[f][j], None),
         };
         for b in 0..n_targets {
             for &(i, l) in &local {
