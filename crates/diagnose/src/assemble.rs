@@ -108,7 +108,7 @@ pub(crate) fn assemble(
         replay: Vec::new(),
         refined_model: String::new(),
     };
-    look_for_a_person(work, &moving, (&mut verdict, &mut refined), settings);
+    look_for_a_person(work, &moving, (&mut verdict, &mut evidence, &mut refined), settings);
     Diagnosis { verdict, evidence, refined: Some(refined) }
 }
 

@@ -9,10 +9,11 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use pkm_dyn::effects::{Applied, find};
 use pkm_dyn::inverse_dynamics::closed_loop_motion;
 use pkm_dyn::jacobian::{Reference, frame_jacobian};
-use pkm_dyn::model::FrameOnBody;
+use pkm_dyn::model::{FrameOnBody, Link};
+use pkm_dyn::spatial::Pose;
 use pkm_dyn::{Data, loops, math};
 
-use crate::evidence::Refined;
+use crate::evidence::{Evidence, Refined};
 use crate::explain::number;
 use crate::final_fit::{errors, white_power_where};
 use crate::settings::Settings;
@@ -53,8 +54,10 @@ struct Scatter {
     periods: usize,
 }
 
-/// Looks for a person in what the final model leaves where the joints move, for one that sticks is held by what it is pushed with; changes the verdict and the refined robot where there is one.
-pub(crate) fn look_for_a_person(work: &Work, left: &Left, (verdict, refined): (&mut Verdict, &mut Refined), settings: &Settings) {
+/// Looks for a person in what the final model leaves where the joints move, for one that sticks is held by what it is pushed with; changes the verdict, the
+/// ranks of its pictures and the refined robot where there is one.
+pub(crate) fn look_for_a_person(work: &Work, left: &Left, told: (&mut Verdict, &mut Evidence, &mut Refined), settings: &Settings) {
+    let (verdict, evidence, refined) = told;
     let Some(entry) = find("active_limb") else { return };
     let Some(scatter) = scatter(work, left) else { return };
     tracing::debug!(scatter.over_noise, scatter.share, scatter.size, scatter.periods, "what does not repeat");
@@ -94,9 +97,10 @@ pub(crate) fn look_for_a_person(work: &Work, left: &Left, (verdict, refined): (&
     });
     let spread = rms / math::sqrt(2.0 * scatter.periods as f64);
     let estimate = Estimate { value: rms, ci95: [(rms - 2.0 * spread).max(0.0), rms + 2.0 * spread], unit: "N".to_string() };
-    let now = verdict.heldout.rms_final;
+    let before = place_in_order(verdict, scatter.share);
+    let now = before.checked_sub(1).map_or(verdict.heldout.rms_nominal, |i| verdict.findings[i].heldout_rms_after);
     let finding = Finding {
-        rank: verdict.findings.len() + 1,
+        rank: before + 1,
         effect: entry.name.to_string(),
         place: vec![name(link)],
         regime: vec!["all".to_string()],
@@ -118,8 +122,18 @@ pub(crate) fn look_for_a_person(work: &Work, left: &Left, (verdict, refined): (&
     verdict.nothing_missing = false;
     verdict.unexplained = crate::verdict::Unexplained { share_of_residual: verdict.unexplained.share_of_residual, ..Default::default() };
     verdict.says = format!("Not repeatable: {says} No model of the robot can predict it.");
-    verdict.findings.push(finding);
+    verdict.findings[before..].iter_mut().for_each(|f| f.rank += 1);
+    evidence.findings.iter_mut().filter(|p| p.rank > before).for_each(|p| p.rank += 1);
+    verdict.findings.insert(before, finding);
     refined.effects.push(Applied::at(entry, link, vec![rms]));
+}
+
+/// Where a person who makes this share of what is left stands among findings in the order of what they explain. What the controller was told
+/// comes first, whatever it explains.
+fn place_in_order(verdict: &Verdict, share: f64) -> usize {
+    let made = share * verdict.heldout.rms_final * verdict.heldout.rms_final;
+    let explains = |f: &Finding| f.heldout_rms_before * f.heldout_rms_before - f.heldout_rms_after * f.heldout_rms_after;
+    verdict.findings.iter().position(|f| f.effect != "controller_mismatch" && explains(f) < made).unwrap_or(verdict.findings.len())
 }
 
 /// What does not repeat, where the name of its cause is left out.
@@ -225,13 +239,14 @@ fn scatter(work: &Work, left: &Left) -> Option<Scatter> {
 }
 
 /// Links on which a force could make the scatter, best first, the farther from the root of equals: link, rms of the force `[N]`, share of
-/// the scatter that it leaves.
+/// the scatter that it leaves. The force acts at the link's origin or at its centre of mass, whichever leaves less: nobody knows where a hand lies.
 fn places(work: &Work, scatter: &Scatter) -> Vec<(usize, f64, f64)> {
     let model = &work.robot.model;
     let links: Vec<usize> = model.massive_links().into_iter().rev().filter(|&l| model.links[l].body.is_some()).collect();
     let weight: Vec<f64> = work.design.weight.iter().take(model.n_act()).copied().collect();
+    let points: Vec<(usize, FrameOnBody)> = links.iter().flat_map(|&l| points(&model.links[l]).map(|point| (l, point))).collect();
     // Force squared, what is left, what there was, rows.
-    let mut sums = vec![[0.0_f64; 4]; links.len()];
+    let mut sums = vec![[0.0_f64; 4]; points.len()];
     let mut data = Data::new(model);
     for (s, rows) in scatter.rows.iter().enumerate() {
         let segment = &work.motions[s].segment;
@@ -246,10 +261,11 @@ fn places(work: &Work, scatter: &Scatter) -> Vec<(usize, f64, f64)> {
             if !closed_loop_motion(model, &mut data, &q, &v, &a).is_closed {
                 return Vec::new();
             }
+            loops::drive_reduction(model, &mut data);
             // What pushes the robot is effort that the drives are spared.
             let y = DVector::from_iterator(weight.len(), weight.iter().enumerate().map(|(j, w)| -w * scatter.series[s][j][i]));
-            for (sum, &link) in sums.iter_mut().zip(&links) {
-                let (force, left) = force_on(work, &mut data, link, &y);
+            for (sum, (_, point)) in sums.iter_mut().zip(&points) {
+                let (force, left) = force_at(work, &mut data, point, &y);
                 sum[0] += force.norm_squared();
                 sum[1] += left;
                 sum[2] += y.norm_squared();
@@ -257,20 +273,27 @@ fn places(work: &Work, scatter: &Scatter) -> Vec<(usize, f64, f64)> {
             }
         }
     }
-    let each = links.into_iter().zip(sums).filter(|(_, s)| s[3] > 0.0 && s[2] > 0.0 && s[0] > 0.0);
-    let mut out: Vec<(usize, f64, f64)> = each.map(|(link, s)| (link, math::sqrt(s[0] / s[3]), s[1] / s[2])).collect();
+    let each = points.iter().zip(sums).filter(|(_, s)| s[3] > 0.0 && s[2] > 0.0 && s[0] > 0.0);
+    let found: Vec<(usize, f64, f64)> = each.map(|((link, _), s)| (*link, math::sqrt(s[0] / s[3]), s[1] / s[2])).collect();
+    let better = |of_link: &[(usize, f64, f64)]| of_link.iter().copied().min_by(|a, b| a.2.total_cmp(&b.2));
+    let mut out: Vec<(usize, f64, f64)> = found.chunk_by(|a, b| a.0 == b.0).filter_map(better).collect();
     let best = out.iter().map(|o| o.2).fold(f64::INFINITY, f64::min);
     // Among those that do as well as the best, the last link comes first: people hold on to the end of a robot.
     out.sort_by_key(|o| o.2 >= best + AS_WELL);
     out
 }
 
-/// Force at a link's origin that explains weighted efforts `y` at the drives best, and the square that it leaves.
-fn force_on(work: &Work, data: &mut Data, link: usize, y: &DVector<f64>) -> (Vector3<f64>, f64) {
+/// A link's origin and its centre of mass.
+fn points(link: &Link) -> [FrameOnBody; 2] {
+    let centre = link.parameters.first_moment() / link.parameters.mass.max(f64::MIN_POSITIVE);
+    let at = |point| FrameOnBody { body: link.body, pose: link.pose.compose(&Pose { translation: point, ..Pose::identity() }) };
+    [at(Vector3::zeros()), at(centre)]
+}
+
+/// Force at a point that explains weighted efforts `y` at the drives best, and the square that it leaves.
+fn force_at(work: &Work, data: &mut Data, point: &FrameOnBody, y: &DVector<f64>) -> (Vector3<f64>, f64) {
     let model = &work.robot.model;
-    let frame = FrameOnBody { body: model.links[link].body, pose: model.links[link].pose };
-    let jacobian = frame_jacobian(model, data, &frame, Reference::LocalWorldAligned).clone();
-    loops::drive_reduction(model, data);
+    let jacobian = frame_jacobian(model, data, point, Reference::LocalWorldAligned).clone();
     let n = model.n_act();
     let mut a = DMatrix::zeros(n, 3);
     for k in 0..n {

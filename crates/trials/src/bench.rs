@@ -16,6 +16,13 @@ use crate::sensing::Noise;
 /// An effect of size one stands out of healthy floors by this many of their spreads.
 pub const Z: f64 = 4.0;
 
+/// An effect of size one is at least this share of the squared floor, where it is largest: smaller ones are not worth a name to anybody, however
+/// long the recording.
+pub const WORTH: f64 = 0.03;
+
+/// And it makes at least this share of the effort of the drive that feels it most.
+pub const FELT: f64 = 0.005;
+
 /// Below this share beside the basis, an effect is one that a refit swallows.
 pub const INSIDE_SPAN: f64 = 0.05;
 
@@ -81,8 +88,8 @@ impl<'a> Bench<'a> {
         &self.ruler.noise
     }
 
-    /// What a choice of that amount adds to the residuals: its length, and the share of the effort that it is.
-    fn length(&self, choice: &Choice, amount: f64) -> Result<(Length, f64), RobotError> {
+    /// What a choice of that amount adds to the residuals: its length, and the shares of the drives' efforts that it is.
+    fn length(&self, choice: &Choice, amount: f64) -> Result<(Length, DVector<f64>), RobotError> {
         let mut column: Vec<Rows> = Vec::new();
         for (r, healthy) in self.healthy.iter().enumerate() {
             let mut machine = self.base.machine.clone();
@@ -90,11 +97,11 @@ impl<'a> Bench<'a> {
             let trace = run(&machine, &self.references[r])?;
             column.push(residual(&self.base.plant, &trace, &self.noise.silent(&trace), BAND)?.minus(healthy));
         }
-        Ok((self.ruler.length(&column), self.effort_share(&column)))
+        Ok((self.ruler.length(&column), self.effort_shares(&column)))
     }
 
-    /// Per drive the root mean square over that of the effort, then the root mean square over drives.
-    fn effort_share(&self, column: &[Rows]) -> f64 {
+    /// Per drive the root mean square over that of the effort.
+    fn effort_shares(&self, column: &[Rows]) -> DVector<f64> {
         let (mut squares, mut count) = (DVector::zeros(self.effort.len()), 0.0);
         for (y, (m, _)) in column.iter().flatten().zip(self.healthy.iter().flat_map(|h| &h.motion)) {
             if let Some(u) = efforts(&drive_ratio(&self.base.plant, m), y) {
@@ -102,7 +109,7 @@ impl<'a> Bench<'a> {
                 count += 1.0;
             }
         }
-        (squares.mean() / f64::max(count, 1.0)).sqrt()
+        squares.map(|s: f64| (s / f64::max(count, 1.0)).sqrt())
     }
 
     /// Finds the amount at which the effect stands out by `wanted`.
@@ -111,7 +118,7 @@ impl<'a> Bench<'a> {
         let mut known: Option<[f64; 2]> = None;
         let mut outcome: Option<[f64; 4]> = None;
         for _ in 0..6 {
-            let Ok((length, effort)) = self.length(&choice, amount) else {
+            let Ok((length, shares)) = self.length(&choice, amount) else {
                 // Too much for the robot: smaller.
                 amount *= 0.3;
                 continue;
@@ -120,7 +127,8 @@ impl<'a> Bench<'a> {
             if is_inside && !may_be_inside {
                 return Ok(None);
             }
-            let size = if is_inside { length.all } else { length.beside } / Z;
+            let size = size(&length, is_inside, shares.max());
+            let effort = shares.norm() / (shares.len() as f64).sqrt();
             outcome = Some([amount, size, length.share, effort]);
             if (size / wanted - 1.0).abs() < 0.1 || size <= 0.0 {
                 break;
@@ -170,6 +178,12 @@ impl<'a> Bench<'a> {
     }
 }
 
+/// Size of an effect over the smallest that should get a name: one that stands out of the floor, is a share of it, and is felt.
+fn size(length: &Length, is_inside: bool, felt: f64) -> f64 {
+    let (stands_out, kind) = if is_inside { (length.all, 0) } else { (length.beside, 1) };
+    (stands_out / Z).min(length.over_floor[kind] / WORTH.sqrt()).min(felt / FELT)
+}
+
 /// What the nominal robot leaves of recordings of the healthy one, and what a refit can use.
 fn floor(base: &Base, noise: &Noise, traces: &[Trace], stream: &mut Stream) -> Result<Healthy, RobotError> {
     let mut out = Healthy { left: Vec::new(), basis: Vec::new() };
@@ -212,6 +226,16 @@ mod tests {
             trace.wanted.push([vec![q[joint]], vec![m.velocity[joint]], vec![0.0]]);
         }
         Ok(trace)
+    }
+
+    #[test]
+    fn an_effect_is_as_large_as_the_least_of_its_three_measures() {
+        let length = |beside: f64, ratio: f64| Length { all: 2.0 * beside, beside, over_floor: [2.0 * ratio, ratio], share: 0.5 };
+        // Eight spreads are size two, the square root of 3 % of the floor is size one, half a percent of the effort is.
+        assert!((size(&length(8.0, 1.0), false, 0.1) - 2.0).abs() < 1e-12);
+        assert!((size(&length(8.0, 1.0), true, 0.1) - 4.0).abs() < 1e-12);
+        assert!((size(&length(80.0, 0.03_f64.sqrt()), false, 0.1) - 1.0).abs() < 1e-12);
+        assert!((size(&length(80.0, 1.0), false, 0.001) - 0.2).abs() < 1e-12);
     }
 
     #[test]

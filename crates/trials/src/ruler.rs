@@ -34,6 +34,8 @@ pub struct Length {
     pub all: f64,
     /// What no refit takes of it over the spread of healthy floors along that.
     pub beside: f64,
+    /// Root mean square of it over the floor's, at the coordinate where that is largest: of all of it, and of what no refit takes.
+    pub over_floor: [f64; 2],
     /// Share of it that no refit takes.
     pub share: f64,
 }
@@ -62,7 +64,15 @@ impl Ruler {
         let (all, beside) = (over(column, &self.noise), over(&self.span.beside(column), &self.noise));
         let [n_all, n_beside] = [&all, &beside].map(|c| norm(c));
         let along = |c: &[Rows], n: f64, kind: usize| if n > 0.0 { n / self.spread_along(c, n, kind) } else { 0.0 };
-        Length { all: along(&all, n_all, 0), beside: along(&beside, n_beside, 1), share: n_beside / n_all.max(1e-300) }
+        let over_floor = [self.over_floor(&all, 0), self.over_floor(&beside, 1)];
+        Length { all: along(&all, n_all, 0), beside: along(&beside, n_beside, 1), over_floor, share: n_beside / n_all.max(1e-300) }
+    }
+
+    /// Root mean square of a column over that of the motion's own floor, at the coordinate where it is largest.
+    fn over_floor(&self, column: &[Rows], kind: usize) -> f64 {
+        let d = self.noise.len();
+        let floor = self.floors.first().map_or_else(|| DVector::from_element(d, 1e-12), |f| spread(&f[kind], d));
+        spread(column, d).component_div(&floor).max()
     }
 
     /// Root mean square of healthy floors along a column of the length `n`.
@@ -219,6 +229,8 @@ mod tests {
         let expected = 1.5 * (0.5 * N as f64).sqrt();
         assert!((l.beside / expected - 1.0).abs() < 0.05 && (l.all / expected - 1.0).abs() < 0.05, "{l:?} {expected}");
         assert!((l.share - 1.0).abs() < 1e-2, "{l:?}");
+        // A sine of 3 has 3/√2, and the noise 2.
+        assert!(l.over_floor.iter().all(|x| (x / (1.5 * 0.5_f64.sqrt()) - 1.0).abs() < 0.05), "{l:?}");
     }
 
     #[test]
