@@ -237,3 +237,58 @@ pub(crate) fn fit(gram: &Gram, cross: &Cross, columns: &[ColumnId], prior: &[f64
     }
     c
 }
+
+#[cfg(test)]
+mod tests {
+    use pkm_dyn::effects::Robot;
+
+    use super::*;
+    use crate::design::Design;
+    use crate::testing::Bench;
+    use crate::work::Work;
+
+    #[test]
+    fn what_sets_take_away_is_what_the_error_falls_by_when_each_joins_the_base() {
+        let Bench { model, motion } = Bench::pair();
+        let robot = Robot { model, effects: Vec::new() };
+        let mut motions = vec![motion];
+        let design = Design::new(&robot, &motions, 5.0);
+        let work = Work::new(&robot, &mut motions, design, 5.0, None);
+        let wave = |j: usize, i: usize, t: usize| pkm_dyn::math::sin((0.05 + 0.02 * t as f64) * (i * i) as f64 / 40.0 + j as f64);
+        let rows = work.design.rows[0].time.len();
+        let target = |t: usize| (0..2).map(|j| vec![(0..rows).map(|i| wave(j, i, t)).collect()]).collect();
+        let cross = work.gram.cross(&work.design, &(0..3).map(target).collect());
+        let (columns, prior) = work.with_rigid(work.every_model_has(0), 0.5);
+        let base = Base::new(&work.gram, &cross, &columns, &prior);
+        // What the others imitate but for rounding is not determined, and two ways of computing it need not agree.
+        let stays = |own: &[ColumnId]| {
+            own.iter().enumerate().all(|(i, &id)| {
+                let ids = [&columns[..], &own[..i], &own[i + 1..]].concat();
+                let loose = [&prior[..], &vec![0.0; own.len() - 1]].concat();
+                let left = crate::isolability::projected(&work.gram, &ids, &loose, &[id])[(0, 0)];
+                left > 0.01 * (0..2).map(|j| work.gram.power(id, j)).sum::<f64>()
+            })
+        };
+        for scope in [vec![0], vec![1], vec![0, 1]] {
+            let acting = work.candidates.iter().filter(|c| c.scope == scope).flat_map(|c| &c.variants);
+            let sets: Vec<Set> = acting
+                .map(|v| crate::contest::own_columns(&work, v, &columns))
+                .filter(|(own, _)| !own.is_empty() && stays(own))
+                .map(|(columns, prior)| Set { columns, prior })
+                .collect();
+            assert!(sets.len() > 3, "{scope:?}");
+            for (set, gains) in sets.iter().zip(gains_each(&work.gram, &cross, &base, &sets, &scope)) {
+                let (ids, priors) = ([&columns[..], &set.columns].concat(), [&prior[..], &set.prior].concat());
+                let joined = Base::new(&work.gram, &cross, &ids, &priors);
+                for t in 0..3 {
+                    let is_near = |a: f64, b: f64| (a - b).abs() < 1e-4 * base.total(t);
+                    let falls = base.over(&scope, t) - joined.over(&scope, t);
+                    assert!(is_near(gains.scope[t], falls), "{} instead of {falls} over {scope:?}", gains.scope[t]);
+                    let all: f64 = gains.all.iter().map(|f| f[t]).sum();
+                    let falls = base.total(t) - joined.total(t);
+                    assert!(is_near(all, falls), "{all} instead of {falls} over all rows");
+                }
+            }
+        }
+    }
+}

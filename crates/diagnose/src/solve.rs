@@ -68,8 +68,10 @@ pub(crate) fn targets(gram: &Gram, cross: &Cross, rows: &[ColumnId], over: Over)
             Over::Only(f) | Over::OnlyJoints(f, _) => (&cross.xy[f][j], None),
         };
         for b in 0..n_targets {
-            for &(i, l) in &local {
-                out[(i, b)] += sum[(l, b)] - less.map_or(0.0, |x| x[(l, b)]);
+            let (to, sum) = (out.col_as_slice_mut(b), sum.col_as_slice(b));
+            match less.map(|x| x.col_as_slice(b)) {
+                Some(less) => local.iter().for_each(|&(i, l)| to[i] += sum[l] - less[l]),
+                None => local.iter().for_each(|&(i, l)| to[i] += sum[l]),
             }
         }
     }
