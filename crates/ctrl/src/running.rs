@@ -12,6 +12,8 @@ use crate::fault::{Fault, FaultCode};
 pub struct Signals<'a> {
     /// Time since the last step `[s]`.
     pub dt: f64,
+    /// Time from the last measured positions to these, by the stamps of both `[s]`; zero where these are not new.
+    pub q_dt: f64,
     /// Measured positions `[m | rad]`.
     pub q_meas: &'a [f64],
     /// Measured efforts of the drives `[N | N·m]`.
@@ -35,6 +37,7 @@ impl Signals<'_> {
     fn input<const N: usize>(&self) -> Option<Input<N>> {
         Some(Input {
             dt: self.dt,
+            q_dt: self.q_dt,
             q_meas: self.q_meas.try_into().ok()?,
             tau_meas: self.tau_meas.try_into().ok()?,
             wrench_meas: self.wrench_meas,
