@@ -612,7 +612,8 @@ pub const fn after(cause: Cause) -> Phase {
         | Cause::Drive
         | Cause::Gone
         | Cause::Layout
-        | Cause::Internal => Phase::Fault,
+        | Cause::Internal
+        | Cause::Corrupted => Phase::Fault,
         _ => Phase::SafeStop,
     }
 }
