@@ -19,6 +19,7 @@ struct Held<B> {
     inner: B,
     /// Reads for which it is still held.
     left: u64,
+    is_held: bool,
     shown: Option<StateFrame>,
     /// The newest command, which it takes when it runs again.
     waiting: Option<CommandFrame>,
@@ -36,7 +37,8 @@ impl<B: Backend> Backend for Held<B> {
 
     fn read(&mut self) -> Result<StateFrame, HalError> {
         self.left = self.left.saturating_sub(1);
-        if self.left > 0 {
+        self.is_held = self.left > 0;
+        if self.is_held {
             return self.shown.ok_or(HalError::NoState);
         }
         let mut state = self.inner.read()?;
@@ -52,7 +54,7 @@ impl<B: Backend> Backend for Held<B> {
     }
 
     fn write(&mut self, command: &CommandFrame) -> Result<(), HalError> {
-        if self.left > 1 {
+        if self.is_held {
             self.waiting = Some(*command);
             return Ok(());
         }
@@ -71,7 +73,7 @@ fn at_speed(clock: &ManualClock) -> Rig<'_, Hal<'_>> {
     let robot = robot("prs3");
     let settings = settings(&robot);
     let hal = guarded(&robot, &settings, &[0.14, 0.15, 0.16], clock);
-    let hal = Held { inner: hal, left: 0, shown: None, waiting: None, spoil: None };
+    let hal = Held { inner: hal, left: 0, is_held: false, shown: None, waiting: None, spoil: None };
     let mut rig = Rig::new(hal, robot, settings, clock);
     rig.periods(3);
     rig.arm().expect("it is ready");
@@ -110,7 +112,8 @@ fn a_driver_that_was_kept_waiting_goes_on_as_if_nothing_had_been() {
         let n = usize::try_from(periods).expect("a count");
         for (k, record) in records.iter().enumerate() {
             let is_new = record.flags & flags::NEW_STATE != 0;
-            assert_eq!((is_new, record.q_dt[0] > 0.0), (k >= n, k >= n), "{what}: period {k}");
+            let told = (record.flags, record.state.stamp_ns, record.state.q[0], record.q_given[0], rig.machine.gate_counts());
+            assert_eq!((is_new, record.q_dt[0] > 0.0), (k >= n, k >= n), "{what}: period {k}, {told:?}");
             assert!(record.flags & flags::CONTROLLER_FAULT == 0, "{what}: period {k}");
         }
         assert!((records[n].q_dt[0] - (periods + 1) as f64 * PERIOD_S).abs() < 1e-12, "{what}: {}", records[n].q_dt[0]);
@@ -125,14 +128,17 @@ fn a_driver_that_was_kept_waiting_goes_on_as_if_nothing_had_been() {
 
 #[test]
 fn a_jump_is_one_after_a_wait_as_well() {
-    for periods in [0, 4, 8] {
+    // Where it is known too late that it stays there, the last state that is believed has grown stale meanwhile.
+    let (jump, stale) = ((Phase::Fault, Cause::Jump), (Phase::SafeStop, Cause::Stale));
+    for (periods, wanted) in [(0, jump), (4, jump), (8, stale)] {
         let clock = ManualClock::new(1_000_000_000);
         let mut rig = at_speed(&clock);
         // More than the fastest drive goes in the longest of these waits.
         let spoil: Spoil = |state, _| state.q[1] += 0.05;
         held(&mut rig, periods, Some(spoil), 5);
         let told = *rig.transitions.last().expect("a transition");
-        assert_eq!((rig.machine.phase(), told.cause, told.place), (Phase::Fault, Cause::Jump, 1), "after {periods}: {told:?}");
+        assert_eq!((rig.machine.phase(), told.cause), wanted, "after {periods}: {told:?}");
+        assert!(told.cause != Cause::Jump || told.place == 1, "after {periods}: {told:?}");
     }
 }
 

@@ -192,8 +192,12 @@ impl Gate {
         (state.drive_fault != 0).then_some(Offence { cause: Cause::Drive, place, value: f64::from(state.drive_fault), limit: 0.0 })
     }
 
-    /// A drive whose position stays the same to the last bit while its reference `q_ref` goes far.
+    /// A drive whose measured position stays the same to the last bit while its reference `q_ref` goes far. A period without a new state says
+    /// nothing of an encoder: the age of the last one does.
     pub fn stuck(&mut self, q_ref: &[f64; MAX_AXES]) -> Option<Offence> {
+        if self.carried > 0 {
+            return None;
+        }
         let mut found = None;
         for (k, q_ref) in q_ref.iter().enumerate().take(self.n) {
             let [q, wanted] = &mut self.still[k];
@@ -233,8 +237,11 @@ impl Gate {
         if let Some(last) = &before {
             if frame.stamp_ns <= last.stamp_ns {
                 self.counts.reordered += u64::from((frame.sequence, frame.stamp_ns) != (last.sequence, last.stamp_ns));
-                // A clock that stands does not hide a robot that is elsewhere.
-                if missing == 0 && let Some(offence) = self.jumped(last, frame) {
+                // A clock that stands hides no robot that is elsewhere: what has passed since is known here.
+                let passed = now_ns.abs_diff(last.stamp_ns) as f64 * 1e-9;
+                if missing == 0
+                    && let Some(offence) = self.jumped(last, frame, passed.max(apart(last, frame)))
+                {
                     self.refuse_jump(offence, brought);
                 }
                 return;
@@ -244,7 +251,7 @@ impl Gate {
             return self.refuse_broken(Cause::NotMeasured, missing.trailing_zeros() as usize, brought);
         }
         self.broken = 0;
-        if let Some(offence) = before.and_then(|last| self.jumped(&last, frame)) {
+        if let Some(offence) = before.and_then(|last| self.jumped(&last, frame, apart(&last, frame))) {
             self.refuse_jump(offence, brought);
             if self.jumps <= SPIKES {
                 return;
@@ -289,9 +296,8 @@ impl Gate {
         }
     }
 
-    /// A place where no drive can have come to in the time between the two, whichever was first.
-    fn jumped(&self, last: &StateFrame, frame: &StateFrame) -> Option<Offence> {
-        let dt = apart(last, frame);
+    /// A place where no drive can have come to within `dt` `[s]`.
+    fn jumped(&self, last: &StateFrame, frame: &StateFrame, dt: f64) -> Option<Offence> {
         (0..self.n).find_map(|k| {
             let (way, most) = ((frame.q[k] - last.q[k]).abs(), FASTER * self.limits.speed[k] * dt + self.limits.jump[k]);
             (way > most).then_some(Offence { cause: Cause::Jump, place: k, value: way, limit: most })

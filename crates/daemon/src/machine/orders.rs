@@ -2,9 +2,9 @@
 
 use pkm_hal::{Backend, Cause, CycleSink, MAX_AXES, Mode, Phase};
 
-use super::{Machine, after};
 use super::course::{Course, Time};
 use super::session::Session;
+use super::{Machine, after};
 use crate::gate::Offence;
 use crate::motion::{Move, Wanted};
 use crate::order::{Answer, Order, OrderKind, Refusal};
