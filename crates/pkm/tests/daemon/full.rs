@@ -45,7 +45,8 @@ fn shared_memory_that_is_full_at_the_start_is_told_in_one_line() {
     site.until(&["ready"]);
 }
 
-/// Both sides meet, then somebody fills what is left; the robot is armed and moves all the same. Exit codes say how far it came.
+/// Both sides meet, then somebody fills what is left. A reader who is away has more states wait for it than ever before: pages that nobody has
+/// touched yet. The robot is armed and moves all the same. Exit codes say how far it came.
 const FILLED: &str = r#"
 until_phase() {
     i=0
@@ -53,10 +54,12 @@ until_phase() {
         i=$((i + 1)); [ $i -gt 600 ] && exit 98; sleep 0.1
     done
 }
+trap 'kill $driver $daemon 2>/dev/null' EXIT
 "$0" driver-sim "$1" & driver=$!
 "$0" daemon "$1" & daemon=$!
 until_phase "$1" ready
 cat /dev/zero > /dev/shm/fill
+kill -STOP $daemon; sleep 0.5; kill -CONT $daemon
 "$0" order arm --config "$1" || exit 97
 until_phase "$1" holding
 "$0" order start --config "$1" || exit 96
