@@ -234,18 +234,18 @@ impl Gate {
             return self.refuse_broken(Cause::BrokenState, 0, brought);
         }
         let before = self.state;
-        if let Some(last) = &before {
-            if frame.stamp_ns <= last.stamp_ns {
-                self.counts.reordered += u64::from((frame.sequence, frame.stamp_ns) != (last.sequence, last.stamp_ns));
-                // A clock that stands hides no robot that is elsewhere: what has passed since is known here.
-                let passed = now_ns.abs_diff(last.stamp_ns) as f64 * 1e-9;
-                if missing == 0
-                    && let Some(offence) = self.jumped(last, frame, passed.max(apart(last, frame)))
-                {
-                    self.refuse_jump(offence, brought);
-                }
-                return;
+        if let Some(last) = &before
+            && frame.stamp_ns <= last.stamp_ns
+        {
+            self.counts.reordered += u64::from((frame.sequence, frame.stamp_ns) != (last.sequence, last.stamp_ns));
+            // A clock that stands hides no robot that is elsewhere: what has passed since is known here.
+            let passed = now_ns.abs_diff(last.stamp_ns) as f64 * 1e-9;
+            if missing == 0
+                && let Some(offence) = self.jumped(last, frame, passed.max(apart(last, frame)))
+            {
+                self.refuse_jump(offence, brought);
             }
+            return;
         }
         if missing != 0 {
             return self.refuse_broken(Cause::NotMeasured, missing.trailing_zeros() as usize, brought);
