@@ -4,14 +4,17 @@
 //! With `PKM_WRITE_FAULTS=1` the table is written anew. Otherwise what stands there must be what happens.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails, outside #[test] functions too")]
 
+extern crate alloc;
+
 #[allow(dead_code, reason = "shared: no test uses all of it")]
 #[path = "daemon/rig.rs"]
 mod rig;
 
+use alloc::sync::Arc;
 use core::cell::Cell;
 use core::sync::atomic::{AtomicU64, Ordering};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::Mutex;
 
 use pkm_ctrl::{About, Health, Numbers, Running, Signals};
 use pkm_daemon::black_box::BlackBox;
@@ -99,10 +102,10 @@ impl Workshop for Maker {
 /// Keeps what is told.
 #[derive(Clone, Default)]
 struct Heard {
-    transitions: Arc<std::sync::Mutex<Vec<Told>>>,
-    lines: Arc<std::sync::Mutex<Vec<String>>>,
+    transitions: Arc<Mutex<Vec<Told>>>,
+    lines: Arc<Mutex<Vec<String>>>,
     /// Records in each black box.
-    boxes: Arc<std::sync::Mutex<Vec<usize>>>,
+    boxes: Arc<Mutex<Vec<usize>>>,
 }
 
 impl Reporter for Heard {
