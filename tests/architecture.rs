@@ -205,6 +205,18 @@ fn only_convert_rs_knows_the_vectors_of_the_foreign_engine() {
     assert!(!offences(&GLAM, |_| false).is_empty(), "convert.rs itself is found");
 }
 
+// Likewise.
+const DAY: [&str; 2] = [concat!("ClockId::", "Realtime"), concat!("System", "Time::")];
+const DAY_ASKED: &str = concat!("epoch_offset", "_ns()");
+
+#[test]
+fn the_time_of_day_is_read_in_one_place_and_asked_for_where_a_recording_begins() {
+    let read = offences(&DAY, |_| false);
+    assert!(read.len() == 1 && read[0].starts_with("crates/hal/src/clock.rs:"), "{read:?}");
+    let asked = offences(&[DAY_ASKED], |path| path.ends_with("crates/hal/src/clock.rs"));
+    assert!(asked.len() == 1 && asked[0].starts_with("crates/pkm/src/daemon/recording.rs:"), "{asked:?}");
+}
+
 #[test]
 fn nothing_is_left_unfinished() {
     let found = offences(&UNFINISHED, |_| false);

@@ -12,6 +12,7 @@ use pkm_tests::closed_loop::{Sines, shipped_robot, tuning};
 fn signals<const N: usize>(input: &Input<N>) -> Signals<'_> {
     Signals {
         dt: input.dt,
+        q_dt: input.q_dt,
         q_meas: &input.q_meas,
         tau_meas: &input.tau_meas,
         wrench_meas: input.wrench_meas,

@@ -190,6 +190,12 @@ fn link_cases() -> Vec<Case> {
         case("driver began anew", Fault::OtherNonce { nonce: 0 }, LASTING, fault, Some(Cause::Gone), 0),
         own("driver gone", Own::Gone, fault, Some(Cause::Gone), 0),
         case("driver's clock set an hour ahead", Fault::ClockStep { by_ns: HOUR_NS }, LASTING, stop, Some(Cause::BrokenState), 3),
+        case("driver's clock stands", Fault::ClockStands, LASTING, stop, Some(Cause::Stale), 11),
+        Case {
+            faults: vec![Fault::ClockStands, Fault::Offset { signal: Q, axis: 0, by: 0.02 }],
+            ..case("driver's clock stands and an encoder jumps", Fault::ClockStands, LASTING, fault, Some(Cause::Jump), 3)
+        },
+        case("8 frames late, then all at once", Fault::Drop, 8, play, None, 0),
         case("driver's clock set an hour back", Fault::ClockStep { by_ns: -HOUR_NS }, LASTING, stop, Some(Cause::Stale), 11),
     ]
 }

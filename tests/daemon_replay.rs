@@ -44,6 +44,7 @@ fn again(path: &Path, laws: &mut [Box<dyn Running>; 2]) -> Vec<(u64, bool, bool)
         let mut tau = vec![0.0; given.command.len()];
         let signals = Signals {
             dt: given.dt,
+            q_dt: given.q_dt,
             q_meas: given.q_meas,
             tau_meas: given.tau_meas,
             wrench_meas: given.wrench_meas,

@@ -269,6 +269,46 @@ fn a_controller_that_fails_is_stopped() {
     assert!(falling.windows(2).all(|w| w[1] <= w[0]) && falling[59].abs() < 1e-12 && falling[0] > 20.0, "{falling:?}");
 }
 
+/// Steps of a drive at these positions, each with the time since the last measured one, until a fault.
+fn measured(seen: &[(f64, f64)]) -> Option<(usize, Fault)> {
+    let limited = Limited::try_new(position(), config()).expect("numbers in range");
+    let mut state = limited.at_rest();
+    seen.iter().enumerate().find_map(|(step, &(q, q_dt))| {
+        let input = Input { q_dt, ..Masses { q: [q, 0.0], v: [0.0; 2] }.input() };
+        limited.step(&mut state, &input).health.fault.map(|fault| (step, fault))
+    })
+}
+
+#[test]
+fn positions_that_are_far_apart_in_time_are_no_speed() {
+    // At 0.8 m/s of 1 m/s: a driver that shows nothing for seven periods, whose positions are carried on for three of them.
+    let way = 0.8 * DT;
+    let held = [(0.0, DT), (way, DT), (2.0 * way, 0.0), (3.0 * way, 0.0), (4.0 * way, 0.0), (4.0 * way, 0.0), (4.0 * way, 0.0)];
+    let then = |q_dt: f64| [&held[..], &[(8.0 * way, q_dt), (9.0 * way, DT)]].concat();
+    assert_eq!(measured(&then(7.0 * DT)), None);
+    // The same way in one period is 5.6 m/s.
+    let (step, fault) = measured(&then(DT)).expect("too fast");
+    assert!(step == 7 && fault.code == FaultCode::Velocity && (fault.value - 5.6).abs() < 1e-9, "{fault}");
+    // Two states of one period: what is measured between them is a tick of the encoder, and a period's way is none.
+    assert_eq!(measured(&[(0.0, DT), (way, DT), (way + 1e-5, 1e-9), (2.0 * way, DT)]), None);
+}
+
+#[test]
+fn no_stamp_hides_a_jump() {
+    // 8 mm in 5 ms are 1.6 m/s: new as ever, newer than it can be by next to nothing, with the stamp of the one before, carried on.
+    for q_dt in [DT, 1e-9, 0.0] {
+        let (step, fault) = measured(&[(0.0, DT), (0.0, DT), (1.6 * DT, q_dt)]).expect("a jump");
+        assert!(step == 2 && fault.code == FaultCode::Velocity && (fault.value - 1.6).abs() < 1e-9, "{q_dt}: {fault}");
+    }
+    // In two periods without a new state, and then with one: over the time that it says.
+    let late = measured(&[(0.0, DT), (0.0, DT), (0.0, 0.0), (3.2 * DT, 2.0 * DT)]).expect("a jump");
+    assert!(late.0 == 3 && (late.1.value - 1.6).abs() < 1e-9, "{}", late.1);
+    for q_dt in [f64::NAN, f64::INFINITY, -DT] {
+        let (step, fault) = measured(&[(0.0, DT), (1.6 * DT, q_dt)]).expect("no time");
+        assert!(step == 1 && fault.code == FaultCode::Late, "{q_dt}: {fault}");
+    }
+}
+
 /// Sent to the safe command by what arrives in step `at`, standing at 0.25 and 0.08 `[m]`, the efforts from there on.
 fn after_a_fault(at: usize, spoil: impl Fn(&mut Input<2>)) -> Vec<[f64; 2]> {
     let damped = LimitsConfig { safe: Safe::Damped([30.0; 2]), ..config() };

@@ -243,6 +243,7 @@ mod tracking {
                     let zero = [0.0; 6];
                     let signals = pkm_ctrl::Signals {
                         dt: 0.001,
+                        q_dt: 0.001,
                         q_meas: &q_meas,
                         tau_meas: &[1.0; 3],
                         wrench_meas: [2.0; 6],
@@ -257,6 +258,7 @@ mod tracking {
                 // Slices of other lengths are a fault, no panic.
                 let signals = pkm_ctrl::Signals {
                     dt: 0.001,
+                    q_dt: 0.001,
                     q_meas: &[],
                     tau_meas: &[],
                     wrench_meas: [0.0; 6],

@@ -163,6 +163,7 @@ impl Controller {
         let dt = dt.unwrap_or(1.0 / running.about().rate_hz);
         let signals = Signals {
             dt,
+            q_dt: dt,
             q_meas: &q_meas,
             tau_meas: &tau_meas,
             wrench_meas,
@@ -218,6 +219,7 @@ impl Controller {
                 let (v_ref, a_ref, tau_ff, tau_meas) = (row(&v_ref), row(&a_ref), row(&tau_ff), row(&tau_meas));
                 let signals = Signals {
                     dt,
+                    q_dt: dt,
                     q_meas: q_meas.row(i),
                     tau_meas: &tau_meas,
                     wrench_meas: [0.0; 6],

@@ -84,6 +84,7 @@ fn step() -> Control<'static> {
         is_other_law: false,
         is_faulted: false,
         dt: 0.01,
+        q_dt: 0.02,
         q_meas: &[1.0, 2.0],
         tau_meas: &[3.0, 4.0],
         wrench_meas: [0.0; 6],

@@ -7,6 +7,9 @@ use crate::fault::{Acted, Fault, FaultCode};
 pub struct Input<const N: usize> {
     /// Time since the last step `[s]`: the control period, or several of them after an overrun.
     pub dt: f64,
+    /// Time from the last measured positions to these, by the stamps of both `[s]`; zero where these are not new: repeated, or carried on over
+    /// a gap. The loop vouches that it is no longer than what has passed since by a clock of its own.
+    pub q_dt: f64,
     /// Measured positions `[m | rad]`.
     pub q_meas: [f64; N],
     /// Measured efforts of the drives `[N | N·m]`; zero where there is no sensor.
@@ -26,12 +29,13 @@ pub struct Input<const N: usize> {
 }
 
 impl<const N: usize> Input<N> {
-    /// Standing at `q` `[m | rad]` and wanting to, no forces, after a period of `dt` `[s]`.
+    /// Standing at `q` `[m | rad]` and wanting to, no forces, measured a period of `dt` `[s]` after the last time.
     #[must_use]
     pub fn standing(q: [f64; N], dt: f64) -> Self {
         let zero = [0.0; N];
         Self {
             dt,
+            q_dt: dt,
             q_meas: q,
             tau_meas: zero,
             wrench_meas: [0.0; 6],

@@ -52,4 +52,4 @@ pub use limits::Limited;
 pub use pd_gravity::{PdGravity, PdGravityConfig, PdGravityState};
 pub use pd_model::{PdModel, PdModelConfig, PdModelState};
 pub use pid::{AntiWindup, Pid, PidConfig, PidState};
-pub use running::{About, Running, Runs, Signals};
+pub use running::{About, Numbers, Running, Runs, Signals};

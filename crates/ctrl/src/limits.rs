@@ -2,138 +2,21 @@
 //! workspace and singularities; input that is late, frozen or no number.
 //!
 //! A limit that acts changes as little as it must and says so in [`Health::acted`]; a fault latches and the command becomes the safe one.
-//! What arrives is trusted in nothing. This is no protective system: a robot near people has an emergency stop of its own.
+//! Speeds are taken over the time that lies between two measurements by their own stamps ([`Input::q_dt`]): a driver that was kept waiting is
+//! no fast robot, and a jump within a period is one as ever. What arrives is trusted in nothing. This is no protective system: a robot near people has an emergency stop of its own.
+
+mod numbers;
+mod workspace;
 
 use pkm_dyn::math;
 
 use crate::controller::{Command, ConfigError, Controller, Health, Input, first_not_finite};
 use crate::fault::{Fault, FaultCode, Limit};
-use crate::force::task::TaskMap;
+use crate::force::pid::usable_dt;
+use numbers::check_stopping;
 
-/// What the drives are told after a fault.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Safe<const N: usize> {
-    /// Nothing: for robots that stay where they are, or fall safely.
-    Zero,
-    /// The last finite effort of the model: the weight is carried, nothing pushes.
-    Weight,
-    /// The same, and resistance against motion per speed, as long as positions are numbers `[N·s/m | N·m·s/rad]`.
-    Damped([f64; N]),
-    /// From the last command to zero at this rate `[N/s | N·m/s]`.
-    Ramp([f64; N]),
-}
-
-/// Numbers of a [`Limited`]; use infinity for what is not limited.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LimitsConfig<const N: usize> {
-    /// Smallest positions `[m | rad]`.
-    pub q_lower: [f64; N],
-    /// Largest positions `[m | rad]`.
-    pub q_upper: [f64; N],
-    /// How far outside its range a drive may be found before that is a fault `[m | rad]`.
-    pub q_tolerance: f64,
-    /// Deceleration that each drive surely reaches `[m/s² | rad/s²]`; infinity keeps no way to stop: the ends are then those of references,
-    /// and beyond them a fault.
-    pub deceleration: [f64; N],
-    /// Effort beyond the model's that surely gives it `[N | N·m]`; finite where its range or its speed is limited.
-    pub brake: [f64; N],
-    /// Speed from which on a drive is not pushed any faster `[m/s | rad/s]`; a fault at one and a half times that.
-    pub v_limit: [f64; N],
-    /// Largest effort `[N | N·m]`.
-    pub tau_limit: [f64; N],
-    /// Largest change of an effort per second `[N/s | N·m/s]`; braking is not held back by it.
-    pub tau_rate: [f64; N],
-    /// Components of the wrench from which on the robot yields `[N, N·m]`.
-    pub wrench_yield: [f64; 6],
-    /// Components of the wrench that are a fault `[N, N·m]`.
-    pub wrench_limit: [f64; 6],
-    /// Control period `[s]`.
-    pub dt: f64,
-    /// Longest time between two steps `[s]`.
-    pub dt_limit: f64,
-    /// Steps in a row with the same measurement to the last bit that are allowed; 0 is as many as there are.
-    pub repeats: u32,
-    /// What the drives are told after a fault.
-    pub safe: Safe<N>,
-}
-
-/// Which references the robot may be asked to follow.
-pub trait Workspace<const N: usize> {
-    /// Whether it refuses no reference at all.
-    const IS_EVERYWHERE: bool = false;
-
-    /// Room of the geometry.
-    type State;
-
-    /// The state before the first step. The one place that may allocate.
-    fn at_rest(&self) -> Self::State;
-
-    /// How far positions `q` of the drives are outside, and outside what; none inside.
-    fn outside(&self, state: &mut Self::State, q: &[f64; N]) -> Option<(Limit, f64)>;
-}
-
-/// Every reference may be followed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Anywhere;
-
-impl<const N: usize> Workspace<N> for Anywhere {
-    type State = ();
-
-    const IS_EVERYWHERE: bool = true;
-
-    fn at_rest(&self) -> Self::State {}
-
-    fn outside(&self, (): &mut (), _: &[f64; N]) -> Option<(Limit, f64)> {
-        None
-    }
-}
-
-/// A box in the coordinates of a task, away from singularities.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TaskBox<const M: usize, K> {
-    map: K,
-    lower: [f64; M],
-    upper: [f64; M],
-    margin: f64,
-}
-
-impl<const M: usize, K> TaskBox<M, K> {
-    /// Coordinates of `map` within `lower` and `upper` `[m | rad]`, where the task's margin is at least `margin`.
-    ///
-    /// # Errors
-    /// Ranges that are empty, a margin that is negative, anything that is not finite.
-    pub fn try_new(map: K, lower: [f64; M], upper: [f64; M], margin: f64) -> Result<Self, ConfigError> {
-        let bad = |drive, what, value, limit| Err(ConfigError { drive, what, value, limit });
-        for k in 0..M {
-            if let Some((what, value)) = [("lower", lower[k]), ("upper", upper[k])].into_iter().find(|(_, x)| !x.is_finite()) {
-                return bad(k, what, value, "must be finite");
-            }
-            if upper[k] <= lower[k] {
-                return bad(k, "upper - lower", upper[k] - lower[k], "must be > 0");
-            }
-        }
-        ConfigError::unless_non_negative("margin", &[margin])?;
-        Ok(Self { map, lower, upper, margin })
-    }
-}
-
-impl<const N: usize, const M: usize, K: TaskMap<N, M>> Workspace<N> for TaskBox<M, K> {
-    type State = K::State;
-
-    fn at_rest(&self) -> Self::State {
-        self.map.at_rest()
-    }
-
-    fn outside(&self, state: &mut Self::State, q: &[f64; N]) -> Option<(Limit, f64)> {
-        let Some(task) = self.map.at(state, q) else { return Some((Limit::Workspace, f64::INFINITY)) };
-        let beyond = |k: usize| (task.x[k] - self.upper[k]).max(self.lower[k] - task.x[k]);
-        let most = (0..M).map(beyond).fold(f64::NEG_INFINITY, f64::max);
-        if most > 0.0 {
-            return Some((Limit::Workspace, most));
-        }
-        (task.margin < self.margin).then_some((Limit::Singularity, self.margin - task.margin))
-    }
-}
+pub use numbers::{LimitsConfig, Safe};
+pub use workspace::{Anywhere, TaskBox, Workspace};
 
 /// A controller inside limits.
 #[derive(Debug, Clone, PartialEq)]
@@ -149,7 +32,10 @@ pub struct LimitedState<const N: usize, I, S> {
     inner: I,
     workspace: S,
     fault: Option<Fault>,
+    /// Positions of the last step, measured or carried on `[m | rad]`.
     q_last: [f64; N],
+    /// Positions measured last `[m | rad]`.
+    q_seen: [f64; N],
     v: [f64; N],
     q_ref: [f64; N],
     beyond: f64,
@@ -166,19 +52,15 @@ impl<const N: usize, I, S> LimitedState<N, I, S> {
     pub fn fault(&self) -> Option<Fault> {
         self.fault
     }
-}
 
-/// Refuses what makes the way to stop no number: an infinite brake where there is an end to stop at, or a speed.
-fn check_stopping<const N: usize>(c: &LimitsConfig<N>) -> Result<(), ConfigError> {
-    for drive in 0..N {
-        let has_end = c.q_lower[drive].is_finite() || c.q_upper[drive].is_finite();
-        let stops = (has_end && c.deceleration[drive].is_finite()) || c.v_limit[drive].is_finite();
-        if stops && !c.brake[drive].is_finite() {
-            let limit = "must be finite where there is something to stop at";
-            return Err(ConfigError { drive, what: "brake", value: c.brake[drive], limit });
+    /// Keeps the positions of a step for the next one's speed.
+    fn remember(&mut self, input: &Input<N>) {
+        // The first ones are all there is, stamped or not.
+        if input.q_dt > 0.0 || !self.has_started {
+            self.q_seen = input.q_meas;
         }
+        (self.q_last, self.has_started) = (input.q_meas, true);
     }
-    Ok(())
 }
 
 impl<const N: usize, C: Controller<N>> Limited<N, C> {
@@ -248,6 +130,21 @@ impl<const N: usize, C: Controller<N>, W: Workspace<N>> Limited<N, C, W> {
         &self.inner
     }
 
+    /// How fast the drives have been since the positions before these `[m/s | rad/s]`; zero before there are any.
+    ///
+    /// Measurements that are several periods apart by their stamps are so for their speed. Closer ones are taken as a period apart: a tick of
+    /// an encoder over next to no time is no speed. Positions that nobody stamped anew had the period, so a jump among them is seen.
+    fn speed(&self, state: &LimitedState<N, C::State, W::State>, input: &Input<N>) -> [f64; N] {
+        if !state.has_started {
+            return [0.0; N];
+        }
+        let is_new = input.q_dt > 0.0;
+        let before = if is_new { &state.q_seen } else { &state.q_last };
+        let dt = usable_dt(input.dt, self.config.dt);
+        let passed = if is_new { input.q_dt.max(dt.min(self.config.dt)) } else { dt };
+        core::array::from_fn(|k| (input.q_meas[k] - before[k]) / passed)
+    }
+
     /// The first thing in the input that is not allowed.
     fn offence(&self, state: &LimitedState<N, C::State, W::State>, input: &Input<N>) -> Option<Fault> {
         let c = &self.config;
@@ -260,13 +157,16 @@ impl<const N: usize, C: Controller<N>, W: Workspace<N>> Limited<N, C, W> {
             (FaultCode::ReferenceNotFinite, &input.a_ref),
             (FaultCode::ReferenceNotFinite, &input.wrench_ref),
             (FaultCode::ReferenceNotFinite, &input.tau_ff),
-            (FaultCode::Late, &[input.dt]),
+            (FaultCode::Late, &[input.dt, input.q_dt]),
         ];
         if let Some(fault) = first_not_finite(&signals) {
             return Some(fault);
         }
         if input.dt <= 0.0 || input.dt > c.dt_limit {
             return Some(Fault { code: FaultCode::Late, drive: 0, value: input.dt, limit: c.dt_limit });
+        }
+        if input.q_dt < 0.0 {
+            return Some(Fault { code: FaultCode::Late, drive: 0, value: input.q_dt, limit: 0.0 });
         }
         if c.repeats > 0 && state.repeats > c.repeats {
             return Some(Fault { code: FaultCode::Frozen, drive: 0, value: f64::from(state.repeats), limit: f64::from(c.repeats) });
@@ -291,22 +191,21 @@ impl<const N: usize, C: Controller<N>, W: Workspace<N>> Limited<N, C, W> {
     /// The command after a fault.
     fn safe(&self, state: &mut LimitedState<N, C::State, W::State>, input: &Input<N>) -> Command<N> {
         let c = &self.config;
-        let dt = crate::force::pid::usable_dt(input.dt, c.dt);
+        let dt = usable_dt(input.dt, c.dt);
+        // Before the second sample there is no difference, and a jump of an encoder is no speed.
+        let v = self.speed(state, input);
         let tau = core::array::from_fn(|k| {
             let wanted = match c.safe {
                 Safe::Zero => 0.0,
                 Safe::Weight => state.weight[k],
-                Safe::Damped(d) => {
-                    // Before the second sample there is no difference, and a jump of an encoder is no speed.
-                    let v = if state.has_started { (input.q_meas[k] - state.q_last[k]) / dt } else { 0.0 };
-                    state.weight[k] - if v.is_finite() { d[k] * v.clamp(-c.v_limit[k], c.v_limit[k]) } else { 0.0 }
-                }
+                Safe::Damped(d) if v[k].is_finite() => state.weight[k] - d[k] * v[k].clamp(-c.v_limit[k], c.v_limit[k]),
+                Safe::Damped(_) => state.weight[k],
                 Safe::Ramp(rate) => state.tau_last[k] - state.tau_last[k].clamp(-rate[k] * dt, rate[k] * dt),
             };
             wanted.clamp(-c.tau_limit[k], c.tau_limit[k])
         });
         if input.q_meas.iter().all(|q| q.is_finite()) {
-            (state.q_last, state.has_started) = (input.q_meas, true);
+            state.remember(input);
         }
         state.tau_last = tau;
         Command { tau, health: Health { is_faulted: true, fault: state.fault, ..Health::default() } }
@@ -404,6 +303,7 @@ impl<const N: usize, C: Controller<N>, W: Workspace<N>> Controller<N> for Limite
             workspace: self.workspace.at_rest(),
             fault: None,
             q_last: zero,
+            q_seen: zero,
             v: zero,
             q_ref: zero,
             beyond: f64::INFINITY,
@@ -423,9 +323,7 @@ impl<const N: usize, C: Controller<N>, W: Workspace<N>> Controller<N> for Limite
         let seen = fingerprint(input);
         state.repeats = if state.has_started && seen == state.seen { state.repeats.saturating_add(1) } else { 0 };
         state.seen = seen;
-        if state.has_started && input.dt > 0.0 {
-            state.v = core::array::from_fn(|k| (input.q_meas[k] - state.q_last[k]) / input.dt);
-        }
+        state.v = self.speed(state, input);
         if input.tau_ff.iter().all(|t| t.is_finite()) {
             state.weight = core::array::from_fn(|k| input.tau_ff[k].clamp(-self.config.tau_limit[k], self.config.tau_limit[k]));
         }
@@ -451,7 +349,8 @@ impl<const N: usize, C: Controller<N>, W: Workspace<N>> Controller<N> for Limite
         health.is_saturated = answer.health.is_saturated;
         health.acted = health.acted.and(answer.health.acted);
         let tau = core::array::from_fn(|k| self.effort(state, input, k, answer.tau[k], &mut health));
-        (state.q_last, state.tau_last, state.has_started) = (input.q_meas, tau, true);
+        state.remember(input);
+        state.tau_last = tau;
         Command { tau, health }
     }
 }

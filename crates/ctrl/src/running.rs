@@ -1,7 +1,9 @@
 //! A controller whose number of drives is known at run time only: slices in place of arrays, the state inside.
 
 use alloc::string::String;
+use alloc::sync::Arc;
 use alloc::vec::Vec;
+use core::fmt::{self, Write};
 
 use crate::catalogue::Drives;
 use crate::controller::{Controller, Health, Input};
@@ -12,6 +14,8 @@ use crate::fault::{Fault, FaultCode};
 pub struct Signals<'a> {
     /// Time since the last step `[s]`.
     pub dt: f64,
+    /// Time from the last measured positions to these, by the stamps of both `[s]`; zero where these are not new.
+    pub q_dt: f64,
     /// Measured positions `[m | rad]`.
     pub q_meas: &'a [f64],
     /// Measured efforts of the drives `[N | N·m]`.
@@ -35,6 +39,7 @@ impl Signals<'_> {
     fn input<const N: usize>(&self) -> Option<Input<N>> {
         Some(Input {
             dt: self.dt,
+            q_dt: self.q_dt,
             q_meas: self.q_meas.try_into().ok()?,
             tau_meas: self.tau_meas.try_into().ok()?,
             wrench_meas: self.wrench_meas,
@@ -62,6 +67,49 @@ pub struct About {
     pub n_drives: usize,
 }
 
+/// The numbers that a controller was made of, gains and model: they never change, unless memory does.
+#[derive(Clone)]
+pub struct Numbers(Arc<dyn fmt::Debug + Send + Sync>);
+
+impl Numbers {
+    /// These, which must show all of themselves in their `Debug`.
+    #[must_use]
+    pub fn new(numbers: Arc<dyn fmt::Debug + Send + Sync>) -> Self {
+        Self(numbers)
+    }
+
+    /// A checksum of all of them, which one flipped bit in any of them changes. Takes its time: not for the loop.
+    #[must_use]
+    pub fn seal(&self) -> u64 {
+        let mut sum = Sum(0xCBF2_9CE4_8422_2325);
+        // Shortest decimals lead back to the same bits, so other bits are another text; a sum refuses none.
+        let _ = write!(sum, "{:?}", self.0);
+        sum.0
+    }
+
+    /// Whether the controller is still there.
+    #[must_use]
+    pub fn is_used(&self) -> bool {
+        Arc::strong_count(&self.0) > 1
+    }
+}
+
+impl fmt::Debug for Numbers {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// FNV-1a of what is written.
+struct Sum(u64);
+
+impl Write for Sum {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.0 = text.bytes().fold(self.0, |sum, byte| (sum ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01B3));
+        Ok(())
+    }
+}
+
 /// A controller with its state.
 pub trait Running: Send {
     /// What can be said of it.
@@ -77,12 +125,17 @@ pub trait Running: Send {
 
     /// To rest, as before the first step. May allocate.
     fn reset(&mut self);
+
+    /// What it was made of, for who looks from outside the loop whether that is still so; none where it does not say.
+    fn numbers(&self) -> Option<Numbers> {
+        None
+    }
 }
 
 /// A [`Controller`] that runs.
 #[derive(Debug, Clone)]
 pub struct Runs<const N: usize, C: Controller<N>> {
-    controller: C,
+    controller: Arc<C>,
     state: C::State,
     about: About,
     health: Health,
@@ -94,11 +147,11 @@ impl<const N: usize, C: Controller<N>> Runs<N, C> {
     #[must_use]
     pub fn new(controller: C, about: About) -> Self {
         let about = About { n_drives: N, ..about };
-        Self { state: controller.at_rest(), controller, about, health: Health::default(), has_wrong_lengths: false }
+        Self { state: controller.at_rest(), controller: Arc::new(controller), about, health: Health::default(), has_wrong_lengths: false }
     }
 }
 
-impl<const N: usize, C: Controller<N> + Send> Running for Runs<N, C>
+impl<const N: usize, C: Controller<N> + fmt::Debug + Send + Sync + 'static> Running for Runs<N, C>
 where
     C::State: Send,
 {
@@ -129,5 +182,42 @@ where
     fn reset(&mut self) {
         self.state = self.controller.at_rest();
         (self.health, self.has_wrong_lengths) = (Health::default(), false);
+    }
+
+    fn numbers(&self) -> Option<Numbers> {
+        let controller: Arc<C> = Arc::clone(&self.controller);
+        Some(Numbers::new(controller))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pd_gravity::{PdGravity, PdGravityConfig};
+
+    fn runs(kp: f64) -> Option<Runs<1, PdGravity<1>>> {
+        let config = PdGravityConfig { kp: [kp], kd: [3.0], tau_limit: [50.0], dt: 1e-3, filter_s: 0.01 };
+        let about = About { name: "pd".into(), rate_hz: 1e3, drives: Drives::Effort, effort_per_rate: Vec::new(), n_drives: 1 };
+        Some(Runs::new(PdGravity::try_new(config).ok()?, about))
+    }
+
+    #[test]
+    fn any_flipped_bit_of_a_gain_is_another_seal() {
+        let seal = |kp: f64| runs(kp).and_then(|runs| Some(runs.numbers()?.seal()));
+        let gain = 123.456_f64;
+        let good = seal(gain).unwrap();
+        assert_eq!(seal(gain), Some(good));
+        // Some of them are no gains, and refused: negative ones.
+        let others: Vec<u64> = (0..64).filter_map(|bit| seal(f64::from_bits(gain.to_bits() ^ (1 << bit)))).collect();
+        assert!(others.len() >= 62 && others.iter().all(|other| *other != good), "{}", others.len());
+    }
+
+    #[test]
+    fn numbers_know_when_nobody_runs_with_them() {
+        let runs = runs(1.0).unwrap();
+        let numbers = runs.numbers().unwrap();
+        assert!(numbers.is_used());
+        drop(runs);
+        assert!(!numbers.is_used());
     }
 }

@@ -84,6 +84,8 @@ pub struct Gate {
     /// Positions of now: measured, or carried on for a few periods `[m | rad]`.
     q: [f64; MAX_AXES],
     v: [f64; MAX_AXES],
+    /// Time from the state before to one that came in this period, by their stamps `[s]`; zero where none came.
+    q_dt: f64,
     carried: u32,
     broken: u32,
     jumps: u32,
@@ -104,6 +106,7 @@ impl Gate {
             state: None,
             q: zero,
             v: zero,
+            q_dt: 0.0,
             carried: 0,
             broken: 0,
             jumps: 0,
@@ -131,6 +134,14 @@ impl Gate {
         &self.q
     }
 
+    /// Time from the state before to one that came in this period, by the stamps of both `[s]`; zero where none came.
+    ///
+    /// No longer than what has passed since that state's stamp: one that is ahead of the clock was refused.
+    #[must_use]
+    pub const fn q_dt(&self) -> f64 {
+        self.q_dt
+    }
+
     /// What happened so far.
     #[must_use]
     pub const fn counts(&self) -> &GateCounts {
@@ -139,10 +150,10 @@ impl Gate {
 
     /// Takes what a read brought at `now_ns` `[ns]`, `dt` `[s]` after the last.
     pub fn take(&mut self, read: Result<StateFrame, HalError>, now_ns: u64, dt: f64) -> Brought {
-        self.offence = None;
+        (self.offence, self.q_dt) = (None, 0.0);
         let mut brought = Brought::default();
         match read.and_then(|frame| frame.check().map(|()| frame)) {
-            Ok(frame) => self.weigh(&frame, now_ns, &mut brought),
+            Ok(frame) => self.weigh(&frame, now_ns, dt, &mut brought),
             Err(HalError::NoState) => {}
             Err(HalError::Layout { .. }) => self.offence = Some(Offence::of(Cause::Layout, 0.0, 0.0)),
             Err(HalError::Gone { code }) => self.offence = Some(Offence::of(Cause::Gone, f64::from(code), 0.0)),
@@ -181,8 +192,12 @@ impl Gate {
         (state.drive_fault != 0).then_some(Offence { cause: Cause::Drive, place, value: f64::from(state.drive_fault), limit: 0.0 })
     }
 
-    /// A drive whose position stays the same to the last bit while its reference `q_ref` goes far.
+    /// A drive whose measured position stays the same to the last bit while its reference `q_ref` goes far. A period without a new state says
+    /// nothing of an encoder: the age of the last one does.
     pub fn stuck(&mut self, q_ref: &[f64; MAX_AXES]) -> Option<Offence> {
+        if self.carried > 0 {
+            return None;
+        }
         let mut found = None;
         for (k, q_ref) in q_ref.iter().enumerate().take(self.n) {
             let [q, wanted] = &mut self.still[k];
@@ -213,47 +228,58 @@ impl Gate {
     }
 
     /// A whole frame: whether it is newer, complete, and where a robot can be.
-    fn weigh(&mut self, frame: &StateFrame, now_ns: u64, brought: &mut Brought) {
+    fn weigh(&mut self, frame: &StateFrame, now_ns: u64, dt: f64, brought: &mut Brought) {
         let missing = first_bits(self.n) & !frame.valid_q;
         if frame.stamp_ns.saturating_sub(now_ns) > self.limits.ahead_ns || frame.n_axes as usize != self.n {
             return self.refuse_broken(Cause::BrokenState, 0, brought);
         }
         let before = self.state;
-        if let Some(last) = &before {
-            if frame.sequence == last.sequence && frame.stamp_ns == last.stamp_ns {
-                return;
+        if let Some(last) = &before
+            && frame.stamp_ns <= last.stamp_ns
+        {
+            self.counts.reordered += u64::from((frame.sequence, frame.stamp_ns) != (last.sequence, last.stamp_ns));
+            // A clock that stands hides no robot that is elsewhere: what has passed since is known here.
+            let passed = now_ns.abs_diff(last.stamp_ns) as f64 * 1e-9;
+            if missing == 0
+                && let Some(offence) = self.jumped(last, frame, passed.max(apart(last, frame)))
+            {
+                self.refuse_jump(offence, brought);
             }
-            if frame.stamp_ns <= last.stamp_ns {
-                self.counts.reordered += 1;
-                return;
-            }
+            return;
         }
         if missing != 0 {
             return self.refuse_broken(Cause::NotMeasured, missing.trailing_zeros() as usize, brought);
         }
         self.broken = 0;
-        if let Some(offence) = before.and_then(|last| self.jumped(&last, frame)) {
-            brought.is_refused = true;
-            self.counts.jumps += 1;
-            self.jumps += 1;
+        if let Some(offence) = before.and_then(|last| self.jumped(&last, frame, apart(&last, frame))) {
+            self.refuse_jump(offence, brought);
             if self.jumps <= SPIKES {
                 return;
             }
             // It stays there: the robot is believed again, and nobody may go on as if nothing had been.
-            self.offence = Some(offence);
         }
         self.jumps = 0;
         // A driver that began anew counts from one.
         let gap = before.map_or(0, |last| frame.sequence.saturating_sub(last.sequence.saturating_add(1)));
         // Numbers of a driver that sends what it likes add up to more than there is room for.
         self.counts.lost = self.counts.lost.saturating_add(gap);
-        self.believe(before.as_ref(), frame);
+        self.believe(before.as_ref(), frame, dt);
         brought.is_new = true;
     }
 
-    fn believe(&mut self, before: Option<&StateFrame>, frame: &StateFrame) {
+    fn refuse_jump(&mut self, offence: Offence, brought: &mut Brought) {
+        brought.is_refused = true;
+        self.counts.jumps += 1;
+        self.jumps = self.jumps.saturating_add(1);
+        self.offence = (self.jumps > SPIKES).then_some(offence);
+    }
+
+    fn believe(&mut self, before: Option<&StateFrame>, frame: &StateFrame, dt: f64) {
+        self.q_dt = before.map_or(dt, |last| apart(last, frame));
+        // A tick of an encoder over next to no time is no speed to go on with.
+        let passed = self.q_dt.max(dt);
         for k in 0..self.n {
-            let past = before.map(|last| (frame.q[k] - last.q[k]) / ((frame.stamp_ns - last.stamp_ns) as f64 * 1e-9));
+            let past = before.map(|last| (frame.q[k] - last.q[k]) / passed);
             self.v[k] = past.filter(|v| v.is_finite()).unwrap_or(0.0);
             self.q[k] = frame.q[k];
         }
@@ -270,11 +296,16 @@ impl Gate {
         }
     }
 
-    fn jumped(&self, last: &StateFrame, frame: &StateFrame) -> Option<Offence> {
-        let dt = (frame.stamp_ns - last.stamp_ns) as f64 * 1e-9;
+    /// A place where no drive can have come to within `dt` `[s]`.
+    fn jumped(&self, last: &StateFrame, frame: &StateFrame, dt: f64) -> Option<Offence> {
         (0..self.n).find_map(|k| {
             let (way, most) = ((frame.q[k] - last.q[k]).abs(), FASTER * self.limits.speed[k] * dt + self.limits.jump[k]);
             (way > most).then_some(Offence { cause: Cause::Jump, place: k, value: way, limit: most })
         })
     }
+}
+
+/// Time between two states by their stamps `[s]`.
+fn apart(one: &StateFrame, other: &StateFrame) -> f64 {
+    one.stamp_ns.abs_diff(other.stamp_ns) as f64 * 1e-9
 }

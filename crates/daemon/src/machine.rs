@@ -261,7 +261,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
         let Beat { cycle, planned_ns, skipped } = tick.beat;
         let record = &mut self.record;
         (record.cycle, record.planned_ns, record.skipped, record.woken_ns) = (cycle, planned_ns, skipped, tick.woken_ns);
-        (record.dt, record.flags, record.limited, record.clipped) = ([dt], 0, 0, 0);
+        (record.dt, record.q_dt, record.flags, record.limited, record.clipped) = ([dt], [0.0], 0, 0, 0);
         record.command = CommandFrame::new(self.n, Mode::Off);
         self.counts.periods += 1;
         self.counts.skipped += skipped;
@@ -278,6 +278,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
         self.record.flags |= bits.iter().filter(|(is_set, _)| *is_set).fold(0, |all, (_, bit)| all | bit);
         let Some(state) = self.gate.state() else { return };
         self.record.state = *state;
+        self.record.q_dt = [self.gate.q_dt()];
         if let Some(sensor) = self.wrench_sensor {
             let parts: [Option<f64>; 6] = core::array::from_fn(|i| state.measured(Signal::Sensor, i));
             self.wrench_gap = parts.iter().position(Option::is_none);
@@ -460,6 +461,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
         record.q_given = *self.gate.q_all();
         let signals = Signals {
             dt,
+            q_dt: record.q_dt[0],
             q_meas: &record.q_given[..n],
             tau_meas: &tau_meas[..n],
             wrench_meas: self.wrench,
@@ -610,7 +612,8 @@ pub const fn after(cause: Cause) -> Phase {
         | Cause::Drive
         | Cause::Gone
         | Cause::Layout
-        | Cause::Internal => Phase::Fault,
+        | Cause::Internal
+        | Cause::Corrupted => Phase::Fault,
         _ => Phase::SafeStop,
     }
 }

@@ -55,6 +55,30 @@ impl core::fmt::Display for Told {
     }
 }
 
+/// A recording that runs.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct RecordingStatus {
+    /// Whether a file is open; one that is not is tried again.
+    pub is_recording: bool,
+    /// Periods in its files.
+    pub periods: u64,
+    /// Its files.
+    pub files: u64,
+    /// Periods that are in none: the disk refused them, or was so slow that there was no room for them.
+    pub lost: u64,
+    /// What the disk said last, if it has not taken anything since.
+    pub error: Option<String>,
+}
+
+impl core::fmt::Display for RecordingStatus {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Self { is_recording, periods, files, lost, error } = self;
+        let state = if *is_recording { "recording" } else { "recording paused" };
+        write!(f, "{state}: {periods} periods in {files} files, {lost} lost")?;
+        error.as_ref().map_or(Ok(()), |error| write!(f, "; {error}"))
+    }
+}
+
 /// Everything that `pkm status` shows.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Status {
@@ -90,6 +114,8 @@ pub struct Status {
     pub tau: Vec<f64>,
     /// Records that nobody took in time.
     pub records_lost: u64,
+    /// What becomes of the recording, where there is one.
+    pub recording: Option<RecordingStatus>,
     /// Black boxes written, the newest last.
     pub black_boxes: Vec<String>,
     /// Latencies.

@@ -6,7 +6,7 @@ use alloc::collections::VecDeque;
 use alloc::sync::Arc;
 use core::sync::atomic::{AtomicU64, Ordering};
 
-use pkm_ctrl::Running;
+use pkm_ctrl::{Numbers, Running};
 use pkm_hal::{Cause, CycleRecord, CycleSource, Phase, Transition};
 
 use crate::black_box::BlackBox;
@@ -20,6 +20,9 @@ pub const IN_FLIGHT: usize = 8;
 
 /// Turns between two summaries of latencies: quantiles are not free.
 const SUMMARY_EVERY: u64 = 20;
+
+/// Turns between two looks at the numbers of controllers: about a second.
+const SEALS_EVERY: u64 = 200;
 
 /// Makes what orders need; called outside the loop.
 pub trait Workshop {
@@ -88,6 +91,8 @@ pub struct Supervisor<C, W, R> {
     outcomes: VecDeque<Outcome>,
     /// When a period was last seen `[ns]`.
     seen_ns: u64,
+    /// Numbers of the controllers that were handed over, with the sums they had then.
+    sealed: Vec<(Numbers, u64)>,
 }
 
 impl<C, W, R> core::fmt::Debug for Supervisor<C, W, R> {
@@ -113,6 +118,7 @@ impl<C: CycleSource, W: Workshop, R: Reporter> Supervisor<C, W, R> {
             turns: 0,
             outcomes: VecDeque::new(),
             seen_ns: now_ns,
+            sealed: Vec::new(),
         }
     }
 
@@ -138,6 +144,11 @@ impl<C: CycleSource, W: Workshop, R: Reporter> Supervisor<C, W, R> {
         &mut self.reporter
     }
 
+    /// Who makes what orders need.
+    pub const fn workshop_mut(&mut self) -> &mut W {
+        &mut self.workshop
+    }
+
     /// When a period was last seen `[ns]`.
     #[must_use]
     pub const fn seen_ns(&self) -> u64 {
@@ -161,6 +172,11 @@ impl<C: CycleSource, W: Workshop, R: Reporter> Supervisor<C, W, R> {
             }
             OrderKind::Stop | OrderKind::SafeStop | OrderKind::ClearFault | OrderKind::Off => {}
         }
+        let numbers = [&order.controller, &order.hold].into_iter().flatten().filter_map(|controller| controller.numbers());
+        self.sealed.extend(numbers.map(|numbers| {
+            let seal = numbers.seal();
+            (numbers, seal)
+        }));
         self.lines.orders.push(order).ok().map(|()| self.last_id)
     }
 
@@ -205,7 +221,21 @@ impl<C: CycleSource, W: Workshop, R: Reporter> Supervisor<C, W, R> {
         if self.turns.is_multiple_of(SUMMARY_EVERY) || is_last {
             self.status.latency = self.latencies.summary();
         }
+        if self.turns.is_multiple_of(SEALS_EVERY) {
+            self.check_numbers();
+        }
         self.keep_black_box(now_ns, is_last);
+    }
+
+    /// Whether controllers still have the numbers they were made of: where not, the robot is taken from the loop.
+    fn check_numbers(&mut self) {
+        // What the loop has given back needs no look any more.
+        self.sealed.retain(|(numbers, _)| numbers.is_used());
+        if self.phase.is_moving() && self.sealed.iter().any(|(numbers, seal)| numbers.seal() != *seal) {
+            self.reporter.line("numbers of a controller have changed in memory (`pkm order clear-fault` and `arm` read them anew)");
+            // A loop that takes no orders now is asked again at the next look.
+            let _ = self.order(OrderKind::SafeStop, Cause::Corrupted);
+        }
     }
 
     /// The last turn of all, for a loop that has not been heard of for `silence_ns` `[ns]` at `now_ns`: a fault, with its black box.

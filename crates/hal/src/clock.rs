@@ -79,15 +79,24 @@ impl Clock for SystemClock {
     }
 }
 
+/// What to add to `clock` to have the time of day that `day_ns` tells since 1970, as it is now `[ns]`.
+///
+/// Asked for once: the time of day is set, backwards too, and stamps that add to one offset stay in order and as far apart as they were.
+#[must_use]
+pub fn epoch_offset_of(clock: &dyn Clock, day_ns: &dyn Fn() -> u64) -> u64 {
+    day_ns().saturating_sub(clock.now_ns())
+}
+
 /// What to add to [`SystemClock`] to have the time of day, as it is now `[ns]`: for stamps that people read, not for control.
 #[cfg(feature = "system-clock")]
 #[must_use]
 pub fn epoch_offset_ns() -> u64 {
-    let day = rustix::time::clock_gettime(rustix::time::ClockId::Realtime);
-    // A clock that is set before 1970 counts as 1970.
-    let seconds = u64::try_from(day.tv_sec).unwrap_or(0);
-    let day_ns = seconds.saturating_mul(1_000_000_000).saturating_add(u64::try_from(day.tv_nsec).unwrap_or(0));
-    day_ns.saturating_sub(SystemClock.now_ns())
+    epoch_offset_of(&SystemClock, &|| {
+        let day = rustix::time::clock_gettime(rustix::time::ClockId::Realtime);
+        // A clock that is set before 1970 counts as 1970.
+        let seconds = u64::try_from(day.tv_sec).unwrap_or(0);
+        seconds.saturating_mul(1_000_000_000).saturating_add(u64::try_from(day.tv_nsec).unwrap_or(0))
+    })
 }
 
 #[cfg(test)]

@@ -32,6 +32,8 @@ words! {
         skipped: u64, "1";
         /// Time since the last period that was not skipped, as controllers saw it `[s]`.
         dt: [f64; 1], "s";
+        /// Time from the last measured positions to those of this period, by the stamps of both `[s]`; zero where none came.
+        q_dt: [f64; 1], "s";
         /// Time into the motion that is played `[s]`; zero where none is.
         motion_time: [f64; 1], "s";
         /// Code of the [`Phase`] after this period.
@@ -90,6 +92,7 @@ impl CycleRecord {
             done_ns: 0,
             skipped: 0,
             dt: [0.0],
+            q_dt: [0.0],
             motion_time: [0.0],
             phase: Phase::Off.code(),
             cause: Cause::Started.code(),

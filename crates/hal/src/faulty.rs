@@ -98,6 +98,8 @@ pub enum Fault {
         /// Ahead, or negative, back `[ns]`.
         by_ns: i64,
     },
+    /// The device's clock stands: stamps stay what they were while sequence and values go on.
+    ClockStands,
     /// The drive does nothing.
     DeadDrive {
         /// Which axis.
@@ -204,6 +206,7 @@ fn distort(fault: &Fault, state: &mut StateFrame, shown: Option<&StateFrame>) {
         Fault::OtherLayout => state.layout = !StateFrame::LAYOUT,
         Fault::OtherNonce { nonce } => state.nonce = nonce,
         Fault::ClockStep { by_ns } => state.stamp_ns = stamp_ns.saturating_add_signed(by_ns),
+        Fault::ClockStands => state.stamp_ns = shown.map_or(stamp_ns, |shown| shown.stamp_ns),
         Fault::Drop
         | Fault::Duplicate
         | Fault::Vanish

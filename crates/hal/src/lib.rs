@@ -41,7 +41,7 @@ pub mod watchdog;
 pub use backend::{Backend, HalError};
 #[cfg(feature = "std")]
 pub use clock::MonotonicClock;
-pub use clock::{Clock, ManualClock};
+pub use clock::{Clock, ManualClock, epoch_offset_of};
 #[cfg(feature = "system-clock")]
 pub use clock::{SystemClock, epoch_offset_ns};
 pub use cycle::{Cause, CycleRecord, CycleSink, CycleSource, Phase, Transition};

@@ -199,3 +199,47 @@ fn a_port_in_use_is_told_and_viewers_may_come_and_go() {
     assert_eq!(polite.told()["op"], "serverInfo");
     assert_eq!(polite.advertised(7).len(), 7);
 }
+
+/// Memory of this process that is in use `[bytes]`.
+fn memory() -> u64 {
+    let about = std::fs::read_to_string("/proc/self/statm").unwrap();
+    let pages: u64 = about.split_whitespace().nth(1).unwrap().parse().unwrap();
+    pages * 4096
+}
+
+#[test]
+fn a_hundred_viewers_that_read_nothing_cost_a_bounded_memory_and_keep_nothing_from_one_who_reads() {
+    let live = Live::start(&layout(), &Options { every_ns: 1, queue: 10, backlog: 32, ..any_port() }).unwrap();
+    let mut crowd: Vec<Viewer> = (0..100).map(|_| Viewer::connect(live.port())).collect();
+    for viewer in &mut crowd {
+        let topics = viewer.advertised(7);
+        (0..).zip(topics.values()).for_each(|(id, topic)| viewer.subscribe(id, topic));
+    }
+    assert_eq!(live.viewers(), 100);
+    let mut reader = Viewer::connect(live.port());
+    let topics = reader.advertised(7);
+    reader.subscribe(1, &topics["/pkm/cycle"]);
+    let mut tap = live.tap();
+    // Until what may wait for a viewer waits, in the server and in the sockets.
+    let mut cycle = 1;
+    let mut pass = |periods: u64, reader: &mut Viewer| {
+        let mut seen = 0;
+        for _ in 0..periods {
+            tap(&record(cycle));
+            cycle += 1;
+            if cycle % 200 == 0 {
+                seen += u64::from(reader.glance().is_some());
+            }
+        }
+        seen
+    };
+    assert!(pass(20_000, &mut reader) > 0, "one who reads sees something beside a hundred who do not");
+    let before = memory();
+    assert!(pass(20_000, &mut reader) > 0);
+    let grown = memory().saturating_sub(before);
+    assert!(grown < 32 << 20, "{grown} bytes more after twice as many periods");
+    // A loop's thread is never among those who wait: what it hands over goes into a queue of its own length, the oldest first to go.
+    assert!(live.dropped() > 0);
+    drop(crowd);
+    assert!(pass(5000, &mut reader) > 0, "and goes on when they leave");
+}

@@ -184,6 +184,8 @@ impl Signals {
         }
         // A terminal that is closed, or a log that is rotated, is no reason to let go of a robot.
         signal_hook::flag::register(signal_hook::consts::SIGHUP, Arc::new(AtomicBool::new(false)))?;
+        // A recording beyond the largest file that is allowed is refused like one on a full disk.
+        signal_hook::flag::register(rustix::process::Signal::XFSZ.as_raw(), Arc::new(AtomicBool::new(false)))?;
         Ok(Self { count })
     }
 
@@ -208,7 +210,7 @@ fn serve(args: &Args, setup: &Arc<Setup>) -> Result<ExitCode, Stopped> {
     let room = usize::try_from(rate.max(1) * RING_S).unwrap_or(8000);
     let (sink, source) = ring(room);
     let (ends, loop_ends) = lines(source);
-    let (record_sink, recording) = args.recording.begin(setup, room)?;
+    let (record_sink, mut recording) = args.recording.begin(setup, room)?;
     let worker = thread::start(Arc::clone(setup), place.clone(), lock, (sink, record_sink), loop_ends)?;
     let (worker, grants) = worker.begun()?;
     let (directory, is_quiet, is_json) = (place.dir().to_path_buf(), args.quiet, args.json);
@@ -223,7 +225,7 @@ fn serve(args: &Args, setup: &Arc<Setup>) -> Result<ExitCode, Stopped> {
     }
     let mut notify = Notify::from_environment();
     notify.ready("nothing moves until `pkm order arm`");
-    let code = watch(args, &mut keeper, (&door, &mut notify), &signals, &worker);
+    let code = watch(args, &mut keeper, Beside { door: &door, notify: &mut notify, recording: recording.as_mut() }, &signals, &worker);
     notify.stopping();
     if code.is_err() && !worker.has_ended() {
         // A loop that stands still may never end: its thread goes down with the process.
@@ -275,11 +277,18 @@ fn warn(policy: Policy, keeper: &mut Keeper) {
     keeper.reporter_mut().line(&format!("daemon of process {pid}; nothing moves until `pkm order arm`"));
 }
 
+/// What is looked after beside the loop.
+struct Beside<'a> {
+    door: &'a Door,
+    notify: &'a mut Notify,
+    recording: Option<&'a mut recording::Recording>,
+}
+
 /// Turns until it is time to leave, then until the robot stands.
 fn watch(
     args: &Args,
     keeper: &mut Keeper,
-    (door, notify): (&Door, &mut Notify),
+    Beside { door, notify, mut recording }: Beside<'_>,
     signals: &Signals,
     worker: &thread::Worker,
 ) -> Result<ExitCode, Stopped> {
@@ -291,6 +300,11 @@ fn watch(
         let now_ns = SystemClock.now_ns();
         keeper.turn(now_ns, false);
         desk.answer(keeper);
+        if let Some(recording) = &mut recording {
+            let (status, line) = recording.look(now_ns);
+            keeper.status_mut().recording = Some(status);
+            line.iter().for_each(|line| keeper.reporter_mut().line(line));
+        }
         // One a turn: who asks without end keeps nobody from the robot.
         if let Some(request) = door.request() {
             desk.take(request, keeper);

@@ -167,6 +167,7 @@ impl Found {
 fn signals<'a>(control: &Control<'a>) -> Signals<'a> {
     Signals {
         dt: control.dt,
+        q_dt: control.q_dt,
         q_meas: control.q_meas,
         tau_meas: control.tau_meas,
         wrench_meas: control.wrench_meas,

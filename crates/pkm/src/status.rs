@@ -135,6 +135,7 @@ fn text(status: &Status) -> String {
     lines.push(format!("q     {}", numbers(&status.q)));
     lines.push(format!("q_ref {}", numbers(&status.q_ref)));
     lines.push(format!("tau   {}", numbers(&status.tau)));
+    lines.extend(status.recording.iter().map(ToString::to_string));
     let from = status.transitions.len().saturating_sub(SHOWN);
     lines.extend(status.transitions[from..].iter().map(ToString::to_string));
     lines.extend(status.black_boxes.last().map(|file| format!("black box: {file}")));

@@ -113,6 +113,7 @@ fn periods_and_steps_are_decoded_by_ros_tools_from_the_definitions_in_the_file()
         is_other_law: false,
         is_faulted: false,
         dt: 0.25,
+        q_dt: 0.75,
         q_meas: &[1.5],
         tau_meas: &[2.5],
         wrench_meas: [1.0; 6],
@@ -128,6 +129,6 @@ fn periods_and_steps_are_decoded_by_ros_tools_from_the_definitions_in_the_file()
     write(&path, &made_up::recording(20, 7.5), &carried).unwrap();
     let Some(json) = python("read_with_python.py", &path) else { return };
     let part = "\"number\": 9, \"flags\": 1, \"dt\": 0.25, \"q_meas\": [1.5], \"tau_meas\": [2.5], \"wrench_meas\": [1.0, 1.0, 1.0, 1.0, 1.0, 1.0], \
-                \"q_ref\": [3.5], \"v_ref\": [4.5], \"a_ref\": [5.5], \"wrench_ref\": [2.0, 2.0, 2.0, 2.0, 2.0, 2.0], \"tau_ff\": [6.5], \"command\": [7.5]";
+                \"q_ref\": [3.5], \"v_ref\": [4.5], \"a_ref\": [5.5], \"wrench_ref\": [2.0, 2.0, 2.0, 2.0, 2.0, 2.0], \"tau_ff\": [6.5], \"command\": [7.5], \"q_dt\": 0.75";
     assert!(json.contains(part), "{json}");
 }

@@ -11,6 +11,10 @@ const LONGEST: u64 = 100;
 /// A [`SimBackend`] whose time is that of a clock; states carry the clock's stamps.
 ///
 /// A command acts from the next period on and is held, as real drives do, until another one comes.
+///
+/// A robot does not stand still while the program that drives it gets no time: periods that were missed pass at the next look, under the
+/// command that was held, and what is shown then is the newest state with its own stamp; those between were seen by nobody, and their numbers
+/// are missing. That is what a driver of real hardware finds when it wakes: it reads where the drives are by now, once.
 #[derive(Debug)]
 pub struct Paced<P, C> {
     inner: SimBackend<P>,

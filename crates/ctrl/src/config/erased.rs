@@ -4,6 +4,7 @@
 
 use alloc::boxed::Box;
 use alloc::sync::Arc;
+use core::fmt;
 
 use crate::controller::{Command, Controller, Input};
 use crate::force::task::{Task, TaskMap};
@@ -32,18 +33,29 @@ where
 /// What makes a state of `X`.
 type Fresh<X> = Box<dyn Fn() -> Box<X> + Send + Sync>;
 
+/// Numbers as they are printed: all of them, which is what a seal of them needs.
+type Shown = Arc<dyn fmt::Debug + Send + Sync>;
+
 /// A controller of any law.
 pub(super) struct AnyLaw<const N: usize> {
     fresh: Fresh<dyn LawState<N>>,
+    shown: Shown,
+}
+
+impl<const N: usize> fmt::Debug for AnyLaw<N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.shown.fmt(f)
+    }
 }
 
 impl<const N: usize> AnyLaw<N> {
-    pub(super) fn new<C: Controller<N> + Send + Sync + 'static>(law: C) -> Self
+    pub(super) fn new<C: Controller<N> + fmt::Debug + Send + Sync + 'static>(law: C) -> Self
     where
         C::State: Send + 'static,
     {
         let numbers = Arc::new(law);
-        Self { fresh: Box::new(move || Box::new(Pair { state: numbers.at_rest(), numbers: Arc::clone(&numbers) })) }
+        let shown: Shown = numbers.clone();
+        Self { shown, fresh: Box::new(move || Box::new(Pair { state: numbers.at_rest(), numbers: Arc::clone(&numbers) })) }
     }
 }
 
@@ -81,15 +93,23 @@ where
 /// A velocity observer of any kind.
 pub(super) struct AnyObserver<const N: usize> {
     fresh: Fresh<dyn ObserverState<N>>,
+    shown: Shown,
+}
+
+impl<const N: usize> fmt::Debug for AnyObserver<N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.shown.fmt(f)
+    }
 }
 
 impl<const N: usize> AnyObserver<N> {
-    pub(super) fn new<O: VelocityObserver<N> + Send + Sync + 'static>(observer: O) -> Self
+    pub(super) fn new<O: VelocityObserver<N> + fmt::Debug + Send + Sync + 'static>(observer: O) -> Self
     where
         O::State: Send + 'static,
     {
         let numbers = Arc::new(observer);
-        Self { fresh: Box::new(move || Box::new(Pair { state: numbers.at_rest(), numbers: Arc::clone(&numbers) })) }
+        let shown: Shown = numbers.clone();
+        Self { shown, fresh: Box::new(move || Box::new(Pair { state: numbers.at_rest(), numbers: Arc::clone(&numbers) })) }
     }
 }
 
@@ -135,16 +155,25 @@ type Forces<const N: usize, const M: usize> = Box<dyn Fn(&Input<N>, &Task<N, M>)
 pub(super) struct AnyTask<const N: usize, const M: usize> {
     fresh: Fresh<dyn TaskState<N, M>>,
     forces: Forces<N, M>,
+    shown: Shown,
+}
+
+impl<const N: usize, const M: usize> fmt::Debug for AnyTask<N, M> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.shown.fmt(f)
+    }
 }
 
 impl<const N: usize, const M: usize> AnyTask<N, M> {
-    pub(super) fn new<K: TaskMap<N, M> + Send + Sync + 'static>(map: K) -> Self
+    pub(super) fn new<K: TaskMap<N, M> + fmt::Debug + Send + Sync + 'static>(map: K) -> Self
     where
         K::State: Send + 'static,
     {
         let numbers = Arc::new(map);
         let known = Arc::clone(&numbers);
+        let shown: Shown = numbers.clone();
         Self {
+            shown,
             fresh: Box::new(move || Box::new(Pair { state: numbers.at_rest(), numbers: Arc::clone(&numbers) })),
             forces: Box::new(move |input, task| known.forces(input, task)),
         }

@@ -2,9 +2,9 @@
 
 use pkm_hal::{Backend, Cause, CycleSink, MAX_AXES, Mode, Phase};
 
-use super::Machine;
 use super::course::{Course, Time};
 use super::session::Session;
+use super::{Machine, after};
 use crate::gate::Offence;
 use crate::motion::{Move, Wanted};
 use crate::order::{Answer, Order, OrderKind, Refusal};
@@ -35,7 +35,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
             }
             OrderKind::SafeStop if self.phase.is_moving() => {
                 let cause = if order.cause == Cause::Started { Cause::Order } else { order.cause };
-                self.go(Phase::SafeStop, Offence::of(cause, 0.0, 0.0), self.record.read_ns);
+                self.go(after(cause), Offence::of(cause, 0.0, 0.0), self.record.read_ns);
                 Ok(())
             }
             OrderKind::SafeStop if self.phase == Phase::SafeStop => Ok(()),

@@ -184,6 +184,8 @@ codes! {
         Gone = 29, "robot-gone";
         /// The program itself failed.
         Internal = 30, "internal";
+        /// Numbers of a controller are not those that it was made of: memory has changed.
+        Corrupted = 31, "numbers-changed";
     }
 }
 
@@ -222,6 +224,6 @@ mod tests {
             assert_eq!(Cause::of(cause.code()), Some(*cause));
             assert!(Cause::ALL[..i].iter().all(|other| other.name() != cause.name()));
         }
-        assert_eq!((Phase::of(9), Cause::of(31)), (None, None));
+        assert_eq!((Phase::of(9), Cause::of(32)), (None, None));
     }
 }

@@ -29,6 +29,26 @@ pub fn ring(capacity: usize) -> (RingSink, RingSource) {
     (RingSink { ring: producer, lost: Arc::clone(&lost) }, RingSource { ring: consumer, lost })
 }
 
+/// Records that found no room, counted where anybody may look: a recorder that waits for a disk cannot say so itself.
+#[derive(Debug, Clone)]
+pub struct Lost(Arc<AtomicU64>);
+
+impl Lost {
+    /// So many so far.
+    #[must_use]
+    pub fn count(&self) -> u64 {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+impl RingSink {
+    /// What finds no room.
+    #[must_use]
+    pub fn losses(&self) -> Lost {
+        Lost(Arc::clone(&self.lost))
+    }
+}
+
 impl CycleSink for RingSink {
     fn put(&mut self, record: &CycleRecord) {
         if self.ring.push(*record).is_err() {

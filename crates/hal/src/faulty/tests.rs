@@ -64,6 +64,8 @@ fn faults_of_frames_change_which_one_comes() {
     assert!(matches!(state(Fault::Corrupt { bit: 77 }).check(), Err(HalError::Checksum { .. })));
     assert!(matches!(state(Fault::OtherLayout).check(), Err(HalError::Layout { .. })));
     assert_eq!(state(Fault::OtherNonce { nonce: 9 }).nonce, 9);
+    let stamps = shown::<6>(&during(Fault::ClockStands)).map(|state| state.unwrap().stamp_ns / 1_000_000);
+    assert_eq!(stamps, [0, 1, 2, 2, 2, 5]);
 }
 
 #[test]

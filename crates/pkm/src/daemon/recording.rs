@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use pkm_hal::cycle::ring::{RingSink, ring};
+use pkm_daemon::status::RecordingStatus;
+use pkm_hal::cycle::ring::{Lost, RingSink, ring};
 use pkm_hal::{SystemClock, epoch_offset_ns};
 use pkm_record::Attachment;
 use pkm_record::cycles::{Folder, Handle, Layout, Options, Tap, spawn};
@@ -11,6 +12,9 @@ use super::setup::Setup;
 use super::{IO, Stopped};
 use crate::convert::with_robot;
 use crate::simulate::controller::{ATTACHED, ATTACHED_HOLD};
+
+/// Time between two lines about periods that are lost `[ns]`.
+const QUIET_NS: u64 = 10_000_000_000;
 
 /// What of a loop is kept and shown.
 #[derive(Debug, clap::Args)]
@@ -27,6 +31,11 @@ pub(crate) struct RecordArgs {
 /// A recording that runs.
 pub(super) struct Recording {
     handle: Handle,
+    /// Periods that found no room on the way to it.
+    no_room: Lost,
+    /// What was told last, and when `[ns]`.
+    told: RecordingStatus,
+    told_ns: u64,
     #[cfg(feature = "live")]
     live: Option<pkm_live::Live>,
 }
@@ -45,9 +54,13 @@ impl RecordArgs {
         #[cfg(not(feature = "live"))]
         let taps = Vec::new();
         let (sink, source) = ring(room);
+        let no_room = sink.losses();
         let handle = start(source, folder, layout, options, taps)?;
         let recording = Recording {
             handle,
+            no_room,
+            told: RecordingStatus { is_recording: true, ..RecordingStatus::default() },
+            told_ns: 0,
             #[cfg(feature = "live")]
             live,
         };
@@ -94,10 +107,29 @@ impl Recording {
         None
     }
 
+    /// How it goes at `now_ns` `[ns]`, and a line where that is worth one: it was paused, it goes on, periods are lost.
+    pub(super) fn look(&mut self, now_ns: u64) -> (RecordingStatus, Option<String>) {
+        let progress = self.handle.progress();
+        let status = RecordingStatus {
+            is_recording: progress.is_recording && self.handle.is_alive(),
+            periods: progress.written,
+            files: progress.files,
+            lost: progress.lost + self.no_room.count(),
+            error: progress.error,
+        };
+        let is_other = status.is_recording != self.told.is_recording;
+        let is_losing = status.lost > self.told.lost && now_ns.saturating_sub(self.told_ns) > QUIET_NS;
+        let line = (is_other || is_losing).then(|| status.to_string());
+        if line.is_some() {
+            (self.told, self.told_ns) = (status.clone(), now_ns);
+        }
+        (status, line)
+    }
+
     /// Ends it; what became of it.
     pub(super) fn finish(self) -> Recorded {
         let (progress, outcome) = self.handle.finish();
-        let lost = progress.lost + progress.dropped;
+        let lost = progress.lost + self.no_room.count();
         Recorded { periods: progress.written, files: progress.files, lost, error: outcome.err().map(|e| e.to_string()) }
     }
 }

@@ -68,6 +68,7 @@ pub(crate) fn noted(step: &Step<'_>) -> ControlStep {
         is_other_law: false,
         is_faulted: step.health.is_faulted,
         dt: signals.dt,
+        q_dt: signals.q_dt,
         q_meas: signals.q_meas,
         tau_meas: signals.tau_meas,
         wrench_meas: signals.wrench_meas,

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test that cannot go on fails, outside #[test] functions too")]
 
 mod exercise;
+mod full;
 #[cfg(feature = "live")]
 mod live;
 mod owners;

@@ -140,3 +140,23 @@ fn a_driver_that_is_stopped_is_as_good_as_gone_and_resumes_nothing() {
     within(PATIENCE_S, || (site.run(&["order", "clear-fault"]).0 == 0).then_some(())).expect("it is back");
     site.play();
 }
+
+#[test]
+fn a_driver_that_gets_no_time_for_a_moment_trips_nothing_when_it_goes_on() {
+    let site = Site::new();
+    let (mut driver, mut daemon) = (site.start("driver-sim"), site.start("daemon"));
+    site.until(&["ready"]);
+    site.order("arm");
+    site.until(&["homing"]);
+    // Fifteen periods, of which the loop carries positions on for three: what is left comes at once, ten times the speed of homing by the loop's time.
+    driver.signal(Signal::STOP);
+    std::thread::sleep(Duration::from_millis(150));
+    driver.signal(Signal::CONT);
+    site.until(&["holding"]);
+    let told = daemon.told();
+    assert!(told.contains(": ready -> homing, order") && !told.contains("safe-stop") && !told.contains("fault"), "{told}");
+    for side in [&mut daemon, &mut driver] {
+        side.signal(Signal::TERM);
+        assert_eq!(side.end(PATIENCE_S), 0);
+    }
+}

@@ -15,6 +15,8 @@ pub struct Control<'a> {
     pub is_faulted: bool,
     /// Time since the last step `[s]`.
     pub dt: f64,
+    /// Time from the last measured positions to these, by the stamps of both `[s]`; zero where these are not new.
+    pub q_dt: f64,
     /// Measured positions `[m | rad]`.
     pub q_meas: &'a [f64],
     /// Measured efforts `[N | N·m]`.
@@ -46,6 +48,7 @@ pub struct ControlStep {
     is_other_law: bool,
     is_faulted: bool,
     dt: f64,
+    q_dt: f64,
     wrenches: [[f64; 6]; 2],
     /// All lists of one value per drive, one after the other: one allocation per step.
     numbers: Arc<[f64]>,
@@ -68,6 +71,7 @@ impl ControlStep {
             is_other_law: step.is_other_law,
             is_faulted: step.is_faulted,
             dt: step.dt,
+            q_dt: step.q_dt,
             wrenches: [step.wrench_meas, step.wrench_ref],
             numbers: lists.iter().flat_map(|list| (0..n).map(|i| number_of(list, i))).collect(),
         }
@@ -84,6 +88,7 @@ impl ControlStep {
             is_other_law: self.is_other_law,
             is_faulted: self.is_faulted,
             dt: self.dt,
+            q_dt: self.q_dt,
             q_meas: list(0),
             tau_meas: list(1),
             wrench_meas,
@@ -109,6 +114,8 @@ impl ControlStep {
             is_faulted: message.flags & 2 != 0,
             is_other_law: message.flags & 4 != 0,
             dt: message.dt,
+            // Before it was written, controllers took every period's positions as new.
+            q_dt: message.q_dt.unwrap_or(message.dt),
             q_meas,
             tau_meas,
             wrench_meas: wrench(wrench_meas)?,
@@ -133,6 +140,7 @@ pub(crate) fn encode(message: &mut cdr::Writer, stamp_ns: i64, number: u64, step
     for list in [step.q_meas, step.tau_meas, wrench_meas, step.q_ref, step.v_ref, step.a_ref, wrench_ref, step.tau_ff, step.command] {
         message.f64s(list);
     }
+    message.f64(step.q_dt);
 }
 
 #[cfg(test)]
@@ -147,6 +155,7 @@ mod tests {
             is_other_law: true,
             is_faulted: false,
             dt: 1e-3,
+            q_dt: 3e-3,
             q_meas: &odd,
             tau_meas: &[1.0, 2.0, 3.0],
             wrench_meas: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0],
@@ -164,6 +173,11 @@ mod tests {
         let step = ControlStep::from_message(1.5, &back).unwrap();
         assert_eq!(step.as_control(), control);
         assert_eq!(step.as_control().q_meas[1].to_bits(), (-0.0_f64).to_bits());
+        // A file of before there were stamps between positions: every one was new.
+        let before = message.finish();
+        let old = cdr::control(&before[..before.len() - 8]).unwrap();
+        assert_eq!(ControlStep::from_message(1.5, &old).unwrap().as_control(), Control { q_dt: 1e-3, ..control });
+        assert!(cdr::control(&before[..before.len() - 3]).is_err());
         // A list of another length is no step.
         let short = Control { tau_ff: &[1.0], ..control };
         encode(&mut message, 0, 0, &short);

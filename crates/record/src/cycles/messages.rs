@@ -207,6 +207,7 @@ fn step(message: &mut cdr::Writer, stamp_ns: i64, record: &CycleRecord, n: usize
         is_other_law: flags & flags::OTHER_LAW != 0,
         is_faulted: flags & flags::CONTROLLER_FAULT != 0,
         dt: record.dt[0],
+        q_dt: record.q_dt[0],
         q_meas: first(&record.q_given),
         tau_meas: first(&tau_meas),
         wrench_meas: record.wrench,

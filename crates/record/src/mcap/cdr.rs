@@ -151,6 +151,8 @@ pub(crate) struct Control {
     pub(crate) dt: f64,
     /// In the order of the definition.
     pub(crate) lists: [Vec<f64>; 9],
+    /// None in a message of before there was one, which ends here.
+    pub(crate) q_dt: Option<f64>,
 }
 
 /// Reads a [`Control`].
@@ -163,7 +165,8 @@ pub(crate) fn control(message: &[u8]) -> Result<Control, Fault> {
     for list in &mut lists {
         *list = reader.f64_list()?;
     }
-    Ok(Control { header, number, flags, dt, lists })
+    let q_dt = if reader.left() > 0 { reader.f64s(1)?.first().copied() } else { None };
+    Ok(Control { header, number, flags, dt, lists, q_dt })
 }
 
 /// Reads a header followed by `n` numbers: `WrenchStamped` (6) and `PoseStamped` (7).

@@ -99,6 +99,8 @@ float64[] wrench_ref
 float64[] tau_ff
 # What the controller answered: efforts [N | N m], or voltages [V].
 float64[] command
+# Time from the last measured positions to these by the stamps of both [s]; zero where these are not new. Not in files of versions before it.
+float64 q_dt
 ================================================================================
 MSG: std_msgs/Header
 builtin_interfaces/Time stamp

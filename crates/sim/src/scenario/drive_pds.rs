@@ -56,6 +56,7 @@ impl Running for DrivePds {
         self.health = Health::default();
         for (k, ((controller, state), tau)) in self.drives.iter_mut().zip(tau).enumerate() {
             let input = Input {
+                q_dt: signals.q_dt,
                 q_ref: [signals.q_ref[k]],
                 v_ref: [signals.v_ref[k]],
                 tau_ff: [signals.tau_ff[k]],

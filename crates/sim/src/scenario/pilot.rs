@@ -90,6 +90,7 @@ impl<'r> Pilot<'r> {
     pub(super) fn decide(&mut self, measured: &Measured<'_>, sample: &Sample, t: f64) -> Result<(), SimError> {
         let signals = Signals {
             dt: self.period,
+            q_dt: self.period,
             q_meas: measured.q,
             tau_meas: measured.tau,
             wrench_meas: measured.wrench,

@@ -138,7 +138,7 @@ impl SharedDriver {
         if layout != CommandFrame::LAYOUT || (self.number == Some(number) && self.commands.is_some()) {
             return;
         }
-        if let Some(commands) = listen(&self.node, Role::Daemon, number) {
+        if let Some(commands) = listen(&self.node, &self.place, Role::Daemon, number) {
             (self.commands, self.number) = (Some(commands), Some(number));
             self.served.opened += 1;
         }

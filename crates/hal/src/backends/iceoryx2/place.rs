@@ -16,6 +16,12 @@ use crate::checksum::{FNV_START, fnv1a};
 /// Longest file that is read here `[bytes]`.
 const MAX_BYTES: u64 = 4096;
 
+/// Where the library keeps what both sides see.
+const SHARED_MEMORY: &str = "/dev/shm";
+
+/// Free room there with which a side begins: several times what both take `[bytes]`.
+const ROOM: u64 = 1 << 19;
+
 /// Why a side cannot begin.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
@@ -47,6 +53,16 @@ pub enum SharedError {
         found: u32,
         /// Who must own it.
         uid: u32,
+    },
+    /// Shared memory is full.
+    #[error("{path}: {free} bytes are free ({needed} are needed): remove what nobody uses there, or `mount -o remount,size=64m {path}`")]
+    Full {
+        /// Where.
+        path: String,
+        /// What is free there.
+        free: u64,
+        /// What must be.
+        needed: u64,
     },
     /// Somebody else has this role already.
     #[error("{path}: a {role} runs already, process {pid}")]
@@ -220,9 +236,35 @@ impl Place {
     #[must_use]
     pub fn in_shared_memory(&self) -> Vec<PathBuf> {
         let prefix = self.prefix();
-        let Ok(entries) = fs::read_dir("/dev/shm") else { return Vec::new() };
+        let Ok(entries) = fs::read_dir(SHARED_MEMORY) else { return Vec::new() };
         let ours = entries.flatten().filter(|entry| entry.file_name().to_string_lossy().starts_with(&prefix));
         ours.map(|entry| entry.path()).collect()
+    }
+
+    /// Whether there is room for what the library is about to make: a page that cannot be had where it is first touched is the end of the
+    /// process, without a word.
+    pub(super) fn has_room(&self) -> Result<(), SharedError> {
+        let Ok(about) = rustix::fs::statvfs(SHARED_MEMORY) else { return Ok(()) };
+        let free = about.f_bavail.saturating_mul(about.f_frsize);
+        // Without blocks it has no bounds of its own.
+        if about.f_blocks == 0 || free >= ROOM {
+            return Ok(());
+        }
+        Err(SharedError::Full { path: SHARED_MEMORY.to_string(), free, needed: ROOM })
+    }
+
+    /// Gets every page of its files in shared memory, so that none is missing in operation, however full it becomes.
+    pub(super) fn keep_pages(&self) -> Result<(), SharedError> {
+        for path in self.in_shared_memory() {
+            // It may have gone meanwhile.
+            let Ok(file) = OpenOptions::new().write(true).open(&path) else { continue };
+            let length = file.metadata().map_or(0, |about| about.len());
+            let kept = rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::KEEP_SIZE, 0, length);
+            if kept == Err(rustix::io::Errno::NOSPC) {
+                return Err(SharedError::Full { path: SHARED_MEMORY.to_string(), free: 0, needed: length });
+            }
+        }
+        Ok(())
     }
 
     /// Shuts others out of the files in shared memory: the library leaves one of its own open to everybody, by intention.

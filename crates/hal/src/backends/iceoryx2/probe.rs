@@ -62,7 +62,7 @@ impl<'p> End<'p> {
         let end_ns = clock.now_ns().saturating_add(PATIENCE_NS);
         let mut theirs = None;
         while clock.now_ns() < end_ns {
-            theirs = theirs.or_else(|| listen(&node, role.other(), NUMBER));
+            theirs = theirs.or_else(|| listen(&node, place, role.other(), NUMBER));
             if let Some(theirs) = theirs.take_if(|_| ours.is_heard()) {
                 return Ok(Self { theirs, ours, _node: node, place });
             }

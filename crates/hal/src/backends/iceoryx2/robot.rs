@@ -162,7 +162,7 @@ impl Backend for SharedRobot {
         if self.number == Some(number) && self.states.is_some() {
             return;
         }
-        if let Some(states) = listen(&self.node, Role::Driver, number) {
+        if let Some(states) = listen(&self.node, &self.place, Role::Driver, number) {
             (self.states, self.number) = (Some(states), Some(number));
             self.received.opened += 1;
         }

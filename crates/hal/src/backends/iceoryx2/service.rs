@@ -179,8 +179,9 @@ pub(super) fn node(place: &Place) -> Result<Node<ipc::Service>, SharedError> {
 /// the other role.
 ///
 /// # Errors
-/// As [`node`].
+/// As [`node`], and where shared memory is full.
 pub(super) fn begin(place: &Place, role: Role) -> Result<Node<ipc::Service>, SharedError> {
+    place.has_room()?;
     let problem = match node(place) {
         Ok(node) => return Ok(node),
         Err(e) => e,
@@ -226,7 +227,7 @@ pub(super) fn own<T: ZeroCopySend + Debug + 'static>(
         // Before the service is there: a reader that comes too early finds none and tries again.
         place.set_number(role, number, layout)?;
         match Ours::make(node, role, number) {
-            Ok(service) => return Ok((service, mended)),
+            Ok(service) => return place.keep_pages().map(|()| (service, mended)),
             Err(e) => problem = e,
         }
     }
@@ -246,8 +247,14 @@ fn remove(node: &mut Node<ipc::Service>, place: &Place, name: &str, how: Mended)
 }
 
 /// What the service of `role` sends, if it is there and can be reached. Where sides that were killed hold every place for readers, they are
-/// cleaned away for the next time.
-pub(super) fn listen<T: ZeroCopySend + Debug + Copy + 'static>(node: &Node<ipc::Service>, role: Role, number: u32) -> Option<Theirs<T>> {
+/// cleaned away for the next time. Where shared memory is full nobody is listened to until it is not.
+pub(super) fn listen<T: ZeroCopySend + Debug + Copy + 'static>(
+    node: &Node<ipc::Service>,
+    place: &Place,
+    role: Role,
+    number: u32,
+) -> Option<Theirs<T>> {
+    place.has_room().ok()?;
     let name = ServiceName::new(&name_of(role, number)).ok()?;
     let clean = || {
         node.blocking_cleanup_dead_nodes(CLEANUP);
@@ -265,5 +272,6 @@ pub(super) fn listen<T: ZeroCopySend + Debug + Copy + 'static>(node: &Node<ipc::
     let builder = service.subscriber_builder().buffer_size(BUFFER);
     let port = builder.set_degradation_handler(broken.handler(DegradationAction::DegradeAndFail)).create();
     let port = port.inspect_err(|_| clean()).ok()?;
+    place.keep_pages().ok()?;
     (!broken.is_set()).then_some(Theirs { port, _service: service, broken })
 }
