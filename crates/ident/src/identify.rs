@@ -3,6 +3,7 @@
 mod instrumental;
 pub(crate) mod preparation;
 mod spread;
+mod units;
 
 use faer::Mat;
 use pkm_dyn::effects::Robot;
@@ -205,6 +206,7 @@ struct Fit {
 impl Work<'_, '_, '_> {
     fn run(&mut self, progress: &mut dyn FnMut(f64)) -> Result<Identification, IdentifyError> {
         self.look_at_motion();
+        self.notes.extend(units::notes(self.observation)?);
         let free = self.free();
         let set = self.base_set(&free);
         if let Some(set) = &set {

@@ -36,6 +36,7 @@ pub mod shapes;
 pub mod size;
 pub mod spectrum;
 pub mod statistics;
+pub mod thousands;
 mod walk;
 
 pub use answer::{Identification, IdentifyError, Intervals, Settings, Shapes, Simulate, Term};
