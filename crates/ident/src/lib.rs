@@ -11,6 +11,7 @@ pub mod beside;
 pub mod bulk;
 pub mod columns;
 pub mod dataset;
+pub mod degrees;
 pub mod distributions;
 mod electronics;
 pub mod error;

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use crate::degrees::OtherPositions;
 use crate::thousands::OtherUnits;
 
 /// Whether the answer may be used.
@@ -33,6 +34,8 @@ pub enum Note {
     NoMotion,
     /// Efforts in kN or mN·m: parameters from them would be a thousand times too small or too large.
     OtherUnits(OtherUnits),
+    /// Positions in degrees or millimetres.
+    OtherPositions(OtherPositions),
     /// Fewer rows than the parameters need.
     FewRows {
         /// Rows of all drives.
@@ -206,6 +209,7 @@ impl Note {
         match self {
             Self::NoMotion
             | Self::OtherUnits(_)
+            | Self::OtherPositions(_)
             | Self::FewRows { .. }
             | Self::Solver { outcome: "failed", .. }
             | Self::NoKnownLoad { .. } => Status::NotIdentified,
@@ -231,6 +235,7 @@ impl fmt::Display for Note {
             }
             Self::NoMotion => write!(f, "no drive moves: nothing can be identified"),
             Self::OtherUnits(found) => write!(f, "{found}"),
+            Self::OtherPositions(found) => write!(f, "{found}"),
             Self::FewRows { rows, parameters, limit } => {
                 write!(
                     f,

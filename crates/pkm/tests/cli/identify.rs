@@ -213,6 +213,15 @@ fn efforts_in_another_unit_identify_nothing() {
     let numbers = &json["notes"][0]["numbers"];
     assert_eq!((&json["status"], &numbers["note"], &numbers["factor"]), (&"not_identified".into(), &"other_units".into(), &1000.0.into()));
     assert_eq!((&numbers["joints"], &numbers["recorded_in"]), (&serde_json::json!(["j1", "j2"]), &serde_json::json!(["kN·m"])));
+    // Positions in degrees are told by the joint's limits, which they pass by far.
+    let degrees = |_: usize, _: usize, row: &mut Row| ["q.j1", "q.j2"].iter().for_each(|q| *row.get_mut(*q).unwrap() *= 57.295_779_513);
+    fs::write(folder.path().join("degrees.csv"), altered(&read("A.csv"), &degrees)).unwrap();
+    let output = pkm(folder.path(), &["identify", "rig.toml", "--recording", "degrees.csv"]);
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    for part in ["not identified", "degrees.csv: q.j1 goes from -", "limits are -1.200 to 1.200 rad: is it in degrees?", "q.j2 goes from"] {
+        assert!(said.contains(part), "{part} in {said}");
+    }
     // As recorded, and with half of the effort, it is identified.
     scaled("A.csv", 0.5, "half.csv");
     for name in ["A.csv", "half.csv"] {
