@@ -206,6 +206,11 @@ fn efforts_in_another_unit_identify_nothing() {
         for part in ["not identified", which, factor, unit, "masses of the robot are in kg"] {
             assert!(said.contains(part), "{part} in {said}");
         }
+        // The reason is the second line; there are no columns of a robot that there is not.
+        assert!(
+            said.lines().nth(1).unwrap().contains(which) && !said.contains("base parameters") && !said.contains("fitted rows"),
+            "{said}"
+        );
         assert_eq!(names(folder.path()), before);
     }
     let json = pkm(folder.path(), &["identify", "rig.toml", "--recording", "kilo.csv", "--json", "-"]);
