@@ -131,7 +131,7 @@ mod tests {
         d.verdict.status = Status::Unusable;
         d.verdict.says = "A.csv: 40 % of the samples are missing".to_owned();
         let page = html(&d);
-        assert!(page.contains("40 % of the samples") && page.contains("id=\"recordings\""));
+        assert!(page.contains("40\u{a0}% of the samples") && page.contains("id=\"recordings\""));
         assert!(!page.contains("id=\"findings\"") && !page.contains("id=\"numbers\"") && !page.contains("<svg"));
     }
 
