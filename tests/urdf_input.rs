@@ -185,6 +185,21 @@ fn a_robot_without_drives_is_refused() {
     check_toml("[[actuator]]\njoint = \"crank_hinge\"\nrotor_inertia = 0.01\n", "", &["actuator"]);
 }
 
+#[test]
+fn elements_that_do_not_close_are_told_with_their_lines() {
+    let cases = [
+        ("<robot name=\"r\">\n<link name=\"base\"/>\n", "line 1: <robot> is never closed: the file ends without </robot>"),
+        ("<robot name=\"r\">\n<link name=\"base\">\n</robot>\n", "line 3: </robot> closes nothing: <link> of line 2 is open there"),
+        ("<robot name=\"r\">\n<link name=\"base\"/>\n</robot >\n</robot>", "line 4: </robot> closes nothing: nothing is open there"),
+        ("<robot name=\"r\">\n<link name=\"base", "line 2: <link> is never closed: the file ends without </link>"),
+    ];
+    for (text, told) in cases {
+        assert!(refusal(TOML, text).contains(told), "{}", refusal(TOML, text));
+    }
+    // Names that are longer than an error, cut between the bytes of a letter.
+    let _ = refusal(TOML, &format!("<robot name=\"r\"><{}", "\u{e9}".repeat(100)));
+}
+
 fn nested(open: &str, close: &str, depth: usize) -> String {
     format!("<robot name=\"r\"><link name=\"base\">{}{}</link></robot>", open.repeat(depth), close.repeat(depth))
 }

@@ -188,8 +188,14 @@ def test_friction_curves_are_the_laws(hidden):
     np.testing.assert_allclose(line(ax, "as given")[1][moving], urdf, rtol=1e-12)
     np.testing.assert_allclose(tau[moving], urdf + peak, rtol=1e-12)
     assert ax.get_xlabel() == "velocity of q1 [m/s]" and ax.get_ylabel() == "effort at q1 [N]"
+    # As in the pictures of a report: before orange, after blue.
+    colours = {found.get_label(): found.get_color() for found in ax.lines}
+    assert (colours["as given"], colours["true"]) == ("#d55e00", "#0072b2")
     # Behind it, a recording of a robot with 90 N more: that is how far its points lie outside.
-    x, y = line(plot.friction(bare, "q1", recording=recording), "measured")
+    ax = plot.friction(bare, "q1", recording=recording)
+    x, y = line(ax, "measured")
+    dots = next(found for found in ax.get_legend().get_lines() if found.get_linestyle() == "None")
+    assert dots.get_markersize() >= 6.0 and dots.get_alpha() == 1.0
     fast = np.abs(x) > 0.3 * np.abs(x).max()
     assert np.median((y - bare.joint_effort("q1", x))[fast] * np.sign(x[fast])) == pytest.approx(90.0, rel=0.1)
     with pytest.raises(ValueError, match="no joint 'q99'"):

@@ -3,8 +3,8 @@
 //! A lost sample is taken out and said; a fault that runs through the rest of a channel, such as lost counts, makes a recording unusable.
 
 use pkm_dyn::effects::Robot;
-use pkm_dyn::model::JointKind;
 use pkm_ident::Recording;
+use pkm_ident::degrees::other_positions;
 use pkm_ident::grid::GAP_PERIODS;
 
 use crate::idle;
@@ -71,6 +71,7 @@ pub(crate) fn integrity(robot: &Robot, r: &Recording) -> Integrity {
         return out;
     }
     jitter(r, &mut out);
+    out.reasons.extend(other_positions(&robot.model, r).iter().map(ToString::to_string));
     for &j in &robot.model.actuators {
         let joint = &robot.model.joints[j];
         let unit = [joint.kind.unit_position(), joint.kind.unit_effort()];
@@ -82,7 +83,6 @@ pub(crate) fn integrity(robot: &Robot, r: &Recording) -> Integrity {
             if prefix == "q" {
                 channel.stuck(&mut out);
                 channel.jumps(&mut out);
-                units(r, &column, (joint.kind, [joint.limits.lower, joint.limits.upper]), &mut out);
             } else {
                 channel.clipped(&mut out);
             }
@@ -103,27 +103,6 @@ fn jitter(r: &Recording, out: &mut Integrity) {
     let share = pkm_dyn::math::sqrt(sum / n.max(1) as f64) / period;
     if share > JITTER {
         out.notes.push(format!("{}: time stamps jitter by {:.0} % of the period (rms); signals are interpolated", r.name, 100.0 * share));
-    }
-}
-
-/// Positions that would make sense in another unit.
-fn units(r: &Recording, column: &str, (kind, [lower, upper]): (JointKind, [f64; 2]), out: &mut Integrity) {
-    let Some(x) = r.signal(column) else { return };
-    let (factor, other, unit) =
-        if kind == JointKind::Revolute { (core::f64::consts::PI / 180.0, "degrees", "rad") } else { (1e-3, "millimetres", "m") };
-    let (low, high) = range(x);
-    if !(lower.is_finite() && upper.is_finite() && upper > lower && high > low) {
-        return;
-    }
-    let margin = 0.5 * (upper - lower);
-    let is_inside = |low: f64, high: f64| low > lower - margin && high < upper + margin;
-    // Far outside as it is, and inside in the other unit with a travel that is not nothing.
-    let is_far = high > upper + 4.0 * (upper - lower) || low < lower - 4.0 * (upper - lower);
-    if is_far && is_inside(factor * low, factor * high) {
-        out.reasons.push(format!(
-            "{}: {column} goes from {low:.3} to {high:.3} {unit}, limits are {lower:.3} to {upper:.3} {unit}: is it in {other}?",
-            r.name
-        ));
     }
 }
 
@@ -360,18 +339,6 @@ mod tests {
         assert!(clipped.notes.iter().any(|n| n.contains("0.7000")), "{clipped:?}");
         let coarse = seen(|_, x| 0.1 * (x / 0.1).round());
         assert!(coarse.notes.iter().any(|n| n.contains("steps of 1.000e-1")), "{coarse:?}");
-    }
-
-    #[test]
-    fn degrees_are_recognised_by_the_limits() {
-        let mut recording = Recording { name: "A".to_string(), ..Recording::default() };
-        recording.signals.insert("q.a".to_string(), (0..100).map(|i| -80.0 + 1.6 * i as f64).collect());
-        let mut out = Integrity::default();
-        units(&recording, "q.a", (JointKind::Revolute, [-1.6, 1.6]), &mut out);
-        assert!(out.reasons.len() == 1 && out.reasons[0].contains("degrees"), "{out:?}");
-        let mut none = Integrity::default();
-        units(&recording, "q.a", (JointKind::Revolute, [-70.0, 70.0]), &mut none);
-        assert_eq!(none, Integrity::default());
     }
 
     #[test]

@@ -3,6 +3,7 @@
 mod instrumental;
 pub(crate) mod preparation;
 mod spread;
+mod units;
 
 use faer::Mat;
 use pkm_dyn::effects::Robot;
@@ -12,6 +13,7 @@ use self::spread::Spread;
 use crate::Recording;
 use crate::answer::{BaseSummary, Identification, IdentifyError, Instruments, JointError, Settings, Shapes, Simulate, Term, UsedRecording};
 use crate::columns::{Columns, Quantity};
+use crate::degrees::other_positions;
 use crate::error::InputError;
 use crate::estimate::feasible::{Feasible, Outcome, Space, choose_weight, feasible, solid};
 use crate::estimate::robust::{Loss, outlier_share, reweighted};
@@ -126,13 +128,14 @@ fn all_of_it<'s>(
         let [cutoff, number] = m.derivative;
         Done::new(r, settings.rows.derivative.name(), "q", &[("cutoff_hz", cutoff), ("size", number)])
     }));
+    let positions = all.iter().flat_map(|(r, _)| other_positions(&robot.model, r)).map(Note::OtherPositions);
     let mut work = Work {
         observation: &observation,
         factors,
         judged,
         structure,
         settings,
-        notes: notes.into_iter().chain(shapes.iter().filter(|s| !s.is_shown).map(not_shown)).collect(),
+        notes: notes.into_iter().chain(shapes.iter().filter(|s| !s.is_shown).map(not_shown)).chain(positions).collect(),
         usable: Vec::new(),
         recordings: &fit,
         simulate,
@@ -205,6 +208,7 @@ struct Fit {
 impl Work<'_, '_, '_> {
     fn run(&mut self, progress: &mut dyn FnMut(f64)) -> Result<Identification, IdentifyError> {
         self.look_at_motion();
+        self.notes.extend(units::notes(self.observation)?);
         let free = self.free();
         let set = self.base_set(&free);
         if let Some(set) = &set {

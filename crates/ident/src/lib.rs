@@ -11,6 +11,7 @@ pub mod beside;
 pub mod bulk;
 pub mod columns;
 pub mod dataset;
+pub mod degrees;
 pub mod distributions;
 mod electronics;
 pub mod error;
@@ -36,6 +37,7 @@ pub mod shapes;
 pub mod size;
 pub mod spectrum;
 pub mod statistics;
+pub mod thousands;
 mod walk;
 
 pub use answer::{Identification, IdentifyError, Intervals, Settings, Shapes, Simulate, Term};

@@ -2,6 +2,9 @@
 
 use core::fmt;
 
+use crate::degrees::OtherPositions;
+use crate::thousands::OtherUnits;
+
 /// Whether the answer may be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -29,6 +32,10 @@ pub enum Note {
     },
     /// No drive moved.
     NoMotion,
+    /// Efforts in kN or mN·m: parameters from them would be a thousand times too small or too large.
+    OtherUnits(OtherUnits),
+    /// Positions in degrees or millimetres.
+    OtherPositions(OtherPositions),
     /// Fewer rows than the parameters need.
     FewRows {
         /// Rows of all drives.
@@ -200,9 +207,12 @@ impl Note {
     #[must_use]
     pub fn verdict(&self) -> Status {
         match self {
-            Self::NoMotion | Self::FewRows { .. } | Self::Solver { outcome: "failed", .. } | Self::NoKnownLoad { .. } => {
-                Status::NotIdentified
-            }
+            Self::NoMotion
+            | Self::OtherUnits(_)
+            | Self::OtherPositions(_)
+            | Self::FewRows { .. }
+            | Self::Solver { outcome: "failed", .. }
+            | Self::NoKnownLoad { .. } => Status::NotIdentified,
             Self::NominalNotABody { .. } | Self::AtBound { .. } => Status::Identified,
             _ => Status::Doubtful,
         }
@@ -224,6 +234,8 @@ impl fmt::Display for Note {
                 write!(f, "{joint} stands still: it travels {travel:.3e} m or rad (limit {limit:.3e}); its parameters stay nominal")
             }
             Self::NoMotion => write!(f, "no drive moves: nothing can be identified"),
+            Self::OtherUnits(found) => write!(f, "{found}"),
+            Self::OtherPositions(found) => write!(f, "{found}"),
             Self::FewRows { rows, parameters, limit } => {
                 write!(
                     f,

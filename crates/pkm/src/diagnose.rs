@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{anyhow, ensure};
+use pkm_diagnose::verdict::Status;
 use pkm_diagnose::{Diagnosis, Verdict};
 use pkm_dyn::urdf::Description;
 use pkm_ident::Recording;
@@ -16,10 +17,14 @@ use crate::simulate::controller::ControllerArgs;
 use crate::twins::Simulated;
 use crate::{check, out, robot_file};
 
+/// What `--controller` is here; elsewhere it moves a simulated robot, and there is always one.
+const CONTROLLER: &str = "The controller.toml that made the recordings: recorded commands that are not its own are told, and it moves the replay \
+    [default: commands are not checked, and the replay is held to the measured motion]";
+
 /// Arguments of `pkm diagnose`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Exit status: 0 the diagnosis ran, 1 with --fail-on-mismatch when something was found, 2 bad usage or bad input.
+Exit status: 0 the diagnosis ran, 1 with --fail-on-mismatch when something was found or the recordings could not be used, 2 bad usage or bad input.
 
 Long recordings: beyond 600 000 samples together they are taken at 50 samples per period of the band (a note in the verdict says so); \
 beyond half a gigabyte what is computed from them waits in a nameless file in the folder of temporary files.
@@ -33,6 +38,7 @@ Examples:
   pkm diagnose robot.toml --recording A.csv --without friction_coulomb   (what if it were not?)
   pkm diagnose robot.toml --recording hour.mcap -v 2>&1 | grep 'largest mismatch'
   pkm diagnose robot.toml --recording A.csv --holdout B.csv --json - | jq '.findings[].effect'")]
+#[command(mut_arg("controller", |a| a.help(CONTROLLER)))]
 pub(crate) struct Args {
     /// The robot as it is believed to be: a robot.toml, or the name of a shipped robot.
     robot: PathBuf,
@@ -61,7 +67,7 @@ pub(crate) struct Args {
     /// Topic of the joint states, where an MCAP file has several.
     #[arg(long, value_name = "TOPIC")]
     topic: Option<String>,
-    /// Exit with status 1 when anything was found or stayed unexplained.
+    /// Exit with status 1 when anything was found or stayed unexplained, or when the recordings could not be used.
     #[arg(long)]
     fail_on_mismatch: bool,
     /// Print nothing but errors.
@@ -103,8 +109,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::from(u8::from(is_failure)))
 }
 
+/// Whether a pipeline that asks for a robot like its model must stop. A check that could not be made has not passed.
 fn is_mismatch(verdict: &Verdict) -> bool {
-    !verdict.findings.is_empty() || verdict.unexplained.present
+    verdict.status != Status::Ok || !verdict.findings.is_empty() || verdict.unexplained.present
 }
 
 /// Where the answer goes.

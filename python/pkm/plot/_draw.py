@@ -36,6 +36,8 @@ def plain(ax: Axes) -> Axes:
 
 def finished(ax: Axes, handles: Sequence[Artist] | None = None) -> Axes:
     """Plain, and with its legend."""
+    from matplotlib.lines import Line2D
+
     plain(ax)
     shown = ax.get_legend_handles_labels()[0] if handles is None else list(handles)
     # Above the picture: inside, it would cover samples.
@@ -43,6 +45,9 @@ def finished(ax: Axes, handles: Sequence[Artist] | None = None) -> Axes:
     for handle in legend.legend_handles:
         if handle is not None:
             handle.set_alpha(1.0)
+        # Points that are small where thousands are drawn would be nothing in a legend.
+        if isinstance(handle, Line2D) and handle.get_linestyle() == "None":
+            handle.set_markersize(max(handle.get_markersize(), 6.0))
     return ax
 
 

@@ -46,11 +46,13 @@ def friction(
     speed = 1.0 if speed is None else speed
     # The two sides apart: at rest friction is not a function of speed.
     v = numpy.concatenate([-numpy.geomspace(speed, 1e-6 * speed, 400), [0.0], numpy.geomspace(1e-6 * speed, speed, 400)])
+    # One robot is what is known; of several the first is what was believed before, as in every other picture.
+    colors = ([] if len(named) == 1 else [BEFORE]) + [AFTER, MEASURED, *OTHERS]
     for k, (words, robot) in enumerate(named.items()):
         at = float(robot.assemble()[robot.joints.index(joint)]) if q is None else q
         effort = robot.joint_effort(joint, v, q=at)
         effort[v == 0.0] = numpy.nan
-        ax.plot(v, effort, color=[AFTER, BEFORE, MEASURED, *OTHERS][k % 5], lw=1.4, label=words)
+        ax.plot(v, effort, color=colors[k % len(colors)], lw=1.4, label=words)
     ax.axhline(0.0, color="#888888", lw=0.6, zorder=0)
     ax.set_xlabel(f"velocity of {joint} [{_rate(first.unit(f'q.{joint}'))}]")
     ax.set_ylabel(f"effort at {joint} [{first.unit(f'tau.{joint}')}]")

@@ -25,13 +25,13 @@ pub struct Applied {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum EffectError {
     /// No such effect.
-    #[error("effect {name:?} is not in the library")]
+    #[error("effect {name:?} is not in the library (`pkm effects` lists them)")]
     Unknown {
         /// The name.
         name: String,
     },
     /// No such place, or one of the wrong kind.
-    #[error("effect {effect}: {place:?} is not {wanted} of this robot")]
+    #[error("effect {effect}: {place:?} is not {wanted} of this robot ({there})")]
     Place {
         /// The effect.
         effect: &'static str,
@@ -39,6 +39,8 @@ pub enum EffectError {
         place: String,
         /// What it should be.
         wanted: &'static str,
+        /// Names that the robot has.
+        there: String,
     },
     /// A parameter that is missing, unknown or out of range.
     #[error("effect {effect}: parameter {parameter:?} {problem}")]
@@ -67,6 +69,11 @@ impl Applied {
     pub fn try_new(model: &Model, effect: &str, place: &str, parameters: &[(String, f64)]) -> Result<Self, EffectError> {
         let entry = super::find(effect).ok_or_else(|| EffectError::Unknown { name: effect.to_string() })?;
         let (site, place, other) = find_place(model, entry, place)?;
+        // First: a name that is mistyped is missing as well.
+        if let Some((name, _)) = parameters.iter().find(|(name, _)| !entry.parameters.iter().any(|p| p.name == name)) {
+            let known: Vec<&str> = entry.parameters.iter().map(|p| p.name).collect();
+            return Err(bad(entry, name, alloc::format!("is unknown (has: {})", known.join(", "))));
+        }
         let mut values = Vec::new();
         for p in entry.parameters {
             let value = parameters.iter().find(|(name, _)| name == p.name).map(|(_, v)| *v);
@@ -74,10 +81,6 @@ impl Applied {
                 check_number(entry, p, v)?;
             }
             values.push(value.or_else(|| default(p, site, entry)).ok_or_else(|| bad(entry, p.name, "is missing".to_string()))?);
-        }
-        if let Some((name, _)) = parameters.iter().find(|(name, _)| !entry.parameters.iter().any(|p| p.name == name)) {
-            let known: Vec<&str> = entry.parameters.iter().map(|p| p.name).collect();
-            return Err(bad(entry, name, alloc::format!("is unknown (has: {})", known.join(", "))));
         }
         check_together(entry, site, &values)?;
         Ok(Self { entry, place, site, other, values })
@@ -163,6 +166,9 @@ fn check_together(entry: &Entry, site: Site, values: &[f64]) -> Result<(), Effec
     Ok(())
 }
 
+/// Names that an error lists at most.
+const MANY: usize = 12;
+
 fn find_place(model: &Model, entry: &'static Entry, place: &str) -> Result<(Site, usize, Option<usize>), EffectError> {
     let joint = || model.joint_index(place).map(|j| (Site::Joint, j, None));
     let link = || model.link_index(place).map(|l| (Site::Link, l, None));
@@ -191,7 +197,29 @@ fn find_place(model: &Model, entry: &'static Entry, place: &str) -> Result<(Site
         PlaceKind::LinkOrLoop => (carried().or_else(a_loop), "a link that a joint moves, or a loop,"),
         PlaceKind::RootLink => (link().filter(|&(_, l, _)| model.links[l].body.is_none()), "the root link"),
     };
-    found.ok_or_else(|| EffectError::Place { effect: entry.name, place: place.to_string(), wanted })
+    found.ok_or_else(|| EffectError::Place { effect: entry.name, place: place.to_string(), wanted, there: there(model, entry) })
+}
+
+/// Names of the robot that a place of this kind may be among.
+fn there(model: &Model, entry: &Entry) -> String {
+    let joints = || model.joints.iter().map(|j| j.name.as_str());
+    let links = || model.links.iter().map(|l| l.name.as_str());
+    let driven = || model.actuators.iter().map(|&j| model.joints[j].name.as_str());
+    let names: Vec<&str> = match entry.place {
+        PlaceKind::Joint if entry.law.is_of_a_drive() => driven().collect(),
+        PlaceKind::Joint | PlaceKind::JointPair => joints().collect(),
+        PlaceKind::PassiveJoint => joints().filter(|name| !driven().any(|d| d == *name)).collect(),
+        PlaceKind::JointOrSensor => driven().chain(model.sensors.iter().map(|s| s.name.as_str())).collect(),
+        PlaceKind::Link | PlaceKind::RootLink => links().collect(),
+        PlaceKind::LinkOrJoint => links().chain(joints()).collect(),
+        PlaceKind::LinkOrLoop => links().chain(model.loops.iter().map(|l| l.name.as_str())).collect(),
+    };
+    match names.as_slice() {
+        [] => "there is none".to_string(),
+        // One line is enough, whatever the robot.
+        [first @ .., _] if first.len() >= MANY => alloc::format!("there are: {}, ...", names[..MANY].join(", ")),
+        _ => alloc::format!("there are: {}", names.join(", ")),
+    }
 }
 
 /// Whether a joint carries the link: it is then the first of its body's.

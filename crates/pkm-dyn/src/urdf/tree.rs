@@ -14,6 +14,9 @@ const MAX_DEPTH: usize = 64;
 /// More links or joints than any robot has; keeps name checks quick on hostile files.
 const MAX_LINKS: usize = 2000;
 
+/// Names of elements are told up to here.
+const MAX_NAME: usize = 40;
+
 /// Why a URDF text is no robot, without the file's name.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum TreeError {
@@ -53,22 +56,42 @@ fn guard(text: &str) -> Result<(), TreeError> {
     if text.len() > MAX_BYTES {
         return Err(TreeError::Text(format!("{} bytes (limit {MAX_BYTES})", text.len())));
     }
-    let (mut depth, mut at) = (0_usize, 0_usize);
+    let line = |at: usize| 1 + text[..at].matches('\n').count();
+    // Where each element that is open begins.
+    let (mut open, mut at) = (Vec::new(), 0_usize);
     while let Some(start) = text[at..].find('<').map(|i| at + i) {
-        let line = || 1 + text[..start].matches('\n').count();
         let rest = &text[start..];
-        let (end, change) = markup(rest).ok_or_else(|| TreeError::Text(format!("line {}: a URDF has no <!DOCTYPE>", line())))?;
+        let (end, change) = markup(rest).ok_or_else(|| TreeError::Text(format!("line {}: a URDF has no <!DOCTYPE>", line(start))))?;
         match change {
-            Change::Opens => depth += 1,
-            Change::Closes => depth = depth.saturating_sub(1),
+            Change::Opens => open.push(start),
+            Change::Closes => {
+                let (closes, opens) = (element(rest), open.pop());
+                if opens.is_none_or(|opens| element(&text[opens..]) != closes) {
+                    let wanted = opens.map_or("nothing is open there".to_string(), |opens| {
+                        format!("<{}> of line {} is open there", element(&text[opens..]), line(opens))
+                    });
+                    return Err(TreeError::Text(format!("line {}: </{closes}> closes nothing: {wanted}", line(start))));
+                }
+            }
             Change::Stays => {}
         }
-        if depth > MAX_DEPTH {
-            return Err(TreeError::Text(format!("line {}: elements nested deeper than {MAX_DEPTH}", line())));
+        if open.len() > MAX_DEPTH {
+            return Err(TreeError::Text(format!("line {}: elements nested deeper than {MAX_DEPTH}", line(start))));
         }
         at = start + end;
     }
-    Ok(())
+    open.last().map_or(Ok(()), |&opens| {
+        let name = element(&text[opens..]);
+        Err(TreeError::Text(format!("line {}: <{name}> is never closed: the file ends without </{name}>", line(opens))))
+    })
+}
+
+/// Name of the element whose opening or closing markup this is; its first letters where it has no end.
+fn element(markup: &str) -> &str {
+    let name = markup[1..].trim_start_matches('/');
+    let end = name.find(|c: char| c.is_whitespace() || matches!(c, '>' | '/')).unwrap_or(name.len());
+    let end = (0..=end.min(MAX_NAME)).rev().find(|&i| name.is_char_boundary(i)).unwrap_or(0);
+    &name[..end]
 }
 
 /// What a piece of markup does to the depth of nesting.

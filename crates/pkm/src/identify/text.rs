@@ -23,30 +23,21 @@ pub(super) fn text(answer: &Identification, beside: &Beside) -> String {
         number(answer.band_hz),
         answer.n_rows
     )];
-    out.push(format!(
-        "  base parameters {} of {} that this robot can show (tolerance {:.0e}); condition number {} (in SI units {})",
-        base.shown,
-        base.structural,
-        base.tolerance,
-        number(base.condition),
-        number(base.condition_raw)
-    ));
-    out.push("\nHeld-out error, share of the effort's rms".to_string());
-    let mut rows = vec![["drive", "effort rms", "nominal", "identified", "fitted rows", "residual"].map(str::to_string).to_vec()];
-    rows.extend(answer.joints.iter().map(|j| {
-        let colour = if j.is_white { "white".to_string() } else { format!("coloured, neighbours {:.2}", j.lag_one) };
-        vec![
-            j.joint.clone(),
-            format!("{} {}", number(j.effort_rms), j.unit),
-            percent(j.nominal),
-            percent(j.identified),
-            percent(j.fitted),
-            colour,
-        ]
-    }));
-    let pooled = [answer.pooled(|j| j.nominal), answer.pooled(|j| j.identified), answer.pooled(|j| j.fitted)].map(percent);
-    rows.push([vec!["all".to_string(), String::new()], pooled.to_vec()].concat());
-    out.push(table(&rows));
+    let is_there = answer.status != Status::NotIdentified;
+    if is_there {
+        out.push(format!(
+            "  base parameters {} of {} that this robot can show (tolerance {:.0e}); condition number {} (in SI units {})",
+            base.shown,
+            base.structural,
+            base.tolerance,
+            number(base.condition),
+            number(base.condition_raw)
+        ));
+    } else {
+        // Why there is nothing comes before everything that there is not.
+        out.extend(answer.notes.iter().map(|n| format!("  {n}")));
+    }
+    errors(answer, is_there, &mut out);
     if !answer.parameters.is_empty() {
         out.push("\nBase parameters".to_string());
         let mut rows = vec![["nominal", "identified", "95 % interval", "rel. sd", "unit", "parameter"].map(str::to_string).to_vec()];
@@ -70,11 +61,33 @@ pub(super) fn text(answer: &Identification, beside: &Beside) -> String {
     extras(answer, &mut out);
     gains(beside, &mut out);
     payload(beside, &mut out);
-    if !answer.notes.is_empty() {
+    if is_there && !answer.notes.is_empty() {
         out.push("\nNotes".to_string());
         out.extend(answer.notes.iter().map(|n| format!("  {n}")));
     }
     out.join("\n")
+}
+
+/// Errors by drive; without an identified robot those of the nominal one alone.
+fn errors(answer: &Identification, is_there: bool, out: &mut Vec<String>) {
+    out.push("\nHeld-out error, share of the effort's rms".to_string());
+    let columns = if is_there { 6 } else { 3 };
+    let mut rows = vec![["drive", "effort rms", "nominal", "identified", "fitted rows", "residual"].map(str::to_string).to_vec()];
+    rows.extend(answer.joints.iter().map(|j| {
+        let colour = if j.is_white { "white".to_string() } else { format!("coloured, neighbours {:.2}", j.lag_one) };
+        vec![
+            j.joint.clone(),
+            format!("{} {}", number(j.effort_rms), j.unit),
+            percent(j.nominal),
+            percent(j.identified),
+            percent(j.fitted),
+            colour,
+        ]
+    }));
+    let pooled = [answer.pooled(|j| j.nominal), answer.pooled(|j| j.identified), answer.pooled(|j| j.fitted)].map(percent);
+    rows.push([vec!["all".to_string(), String::new()], pooled.to_vec()].concat());
+    rows.iter_mut().for_each(|row| row.truncate(columns));
+    out.push(table(&rows));
 }
 
 /// Shapes, instruments and preprocessing, where there were any.

@@ -180,6 +180,61 @@ fn poor_recordings_are_told_with_numbers() {
 }
 
 #[test]
+fn efforts_in_another_unit_identify_nothing() {
+    let folder = rig();
+    for (name, seed) in [("A.csv", "1"), ("B.csv", "2")] {
+        prints(folder.path(), &["simulate", "rig.toml", "--out", name, "--duration", "12", "--rate", "500", "--seed", seed]);
+    }
+    let read = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
+    let scaled = |from: &str, factor: f64, to: &str| {
+        let change = |_: usize, _: usize, row: &mut Row| ["tau.j1", "tau.j2"].iter().for_each(|tau| *row.get_mut(*tau).unwrap() *= factor);
+        fs::write(folder.path().join(to), altered(&read(from), &change)).unwrap();
+    };
+    scaled("A.csv", 1e-3, "kilo.csv");
+    scaled("A.csv", 1e3, "milli.csv");
+    scaled("B.csv", 1e-3, "judged.csv");
+    let cases = [
+        (vec!["--recording", "kilo.csv"], "kilo.csv: tau.j1 and tau.j2 follow", "multiplied by about 1000 ", "recorded in kN·m?"),
+        (vec!["--recording", "milli.csv"], "milli.csv: tau.j1 and tau.j2 follow", "multiplied by about 0.001 ", "recorded in mN·m?"),
+        (vec!["--recording", "A.csv", "--holdout", "judged.csv"], "judged.csv: tau.j1 and tau.j2", "multiplied by about 1000 ", "kN·m?"),
+    ];
+    let before = names(folder.path());
+    for (recordings, which, factor, unit) in cases {
+        let output = pkm(folder.path(), &[&["identify", "rig.toml", "--out", "new.toml"], &recordings[..]].concat());
+        let said = String::from_utf8(output.stdout).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        for part in ["not identified", which, factor, unit, "masses of the robot are in kg"] {
+            assert!(said.contains(part), "{part} in {said}");
+        }
+        // The reason is the second line; there are no columns of a robot that there is not.
+        assert!(
+            said.lines().nth(1).unwrap().contains(which) && !said.contains("base parameters") && !said.contains("fitted rows"),
+            "{said}"
+        );
+        assert_eq!(names(folder.path()), before);
+    }
+    let json = pkm(folder.path(), &["identify", "rig.toml", "--recording", "kilo.csv", "--json", "-"]);
+    let json: Value = serde_json::from_slice(&json.stdout).unwrap();
+    let numbers = &json["notes"][0]["numbers"];
+    assert_eq!((&json["status"], &numbers["note"], &numbers["factor"]), (&"not_identified".into(), &"other_units".into(), &1000.0.into()));
+    assert_eq!((&numbers["joints"], &numbers["recorded_in"]), (&serde_json::json!(["j1", "j2"]), &serde_json::json!(["kN·m"])));
+    // Positions in degrees are told by the joint's limits, which they pass by far.
+    let degrees = |_: usize, _: usize, row: &mut Row| ["q.j1", "q.j2"].iter().for_each(|q| *row.get_mut(*q).unwrap() *= 57.295_779_513);
+    fs::write(folder.path().join("degrees.csv"), altered(&read("A.csv"), &degrees)).unwrap();
+    let output = pkm(folder.path(), &["identify", "rig.toml", "--recording", "degrees.csv"]);
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    for part in ["not identified", "degrees.csv: q.j1 goes from -", "limits are -1.200 to 1.200 rad: is it in degrees?", "q.j2 goes from"] {
+        assert!(said.contains(part), "{part} in {said}");
+    }
+    // As recorded, and with half of the effort, it is identified.
+    scaled("A.csv", 0.5, "half.csv");
+    for name in ["A.csv", "half.csv"] {
+        assert!(!prints(folder.path(), &["identify", "rig.toml", "--recording", name]).contains("recorded in"), "{name}");
+    }
+}
+
+#[test]
 fn bad_usage_is_one_line() {
     let folder = rig_with_recordings();
     let with = |more: &[&'static str]| [&ARGUMENTS[..], more].concat();

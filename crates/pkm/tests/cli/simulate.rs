@@ -174,8 +174,9 @@ fn bad_input_is_refused_in_one_line() {
     let folder = rig();
     let simulate = ["simulate", "rig.toml", "--out", "A.mcap", "--duration", "1"];
     for (more, parts) in [
-        (&["--hide", "no_such@j1"][..], &["--hide", "no_such", "not in the library"][..]),
-        (&["--hide", "friction_coulomb@j9:coulomb=1"], &["friction_coulomb", "\"j9\"", "a joint"]),
+        (&["--hide", "no_such@j1"][..], &["--hide", "no_such", "not in the library (`pkm effects` lists them)"][..]),
+        (&["--hide", "friction_coulomb@j9:coulomb=1"], &["friction_coulomb", "\"j9\"", "a joint", "(there are: j1, j2)"]),
+        (&["--hide", "friction_coulomb@j1:coulom=1"], &["\"coulom\" is unknown (has: coulomb)"]),
         (&["--hide", "friction_coulomb@j1:coulomb=-1"], &["coulomb", "= -1", ">= 0"]),
         (&["--hide", "friction_coulomb@j1:coulomb=abc"], &["coulomb = \"abc\"", "not a number"]),
         (&["--hide", "friction_coulomb@j1:coulomb=1,coulomb=2"], &["coulomb is given twice"]),

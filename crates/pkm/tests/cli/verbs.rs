@@ -175,6 +175,45 @@ fn a_diagnosis_writes_all_its_files_and_tells_by_its_exit_status() {
 }
 
 #[test]
+fn a_check_that_could_not_be_made_has_not_passed() {
+    let folder = rig_with_recordings();
+    let text = fs::read_to_string(folder.path().join("A.csv")).unwrap();
+    let (head, rows) = text.split_at(text.find("\nt,").unwrap() + 1);
+    let mut rows = rows.lines();
+    let names: Vec<&str> = rows.next().unwrap().split(',').collect();
+    let degrees = |line: &str| {
+        let field = |(name, x): (&&str, &str)| {
+            if name.starts_with("q.") { (57.295_779_513 * x.parse::<f64>().unwrap()).to_string() } else { x.to_string() }
+        };
+        names.iter().zip(line.split(',')).map(field).collect::<Vec<_>>().join(",")
+    };
+    let all: Vec<String> = core::iter::once(names.join(",")).chain(rows.map(degrees)).collect();
+    fs::write(folder.path().join("degrees.csv"), head.to_string() + &all.join("\n") + "\n").unwrap();
+    let diagnose = ["diagnose", "rig.toml", "--recording", "degrees.csv", "--null-runs", "39", "--json", "-"];
+    for (more, code) in [(&[][..], 0), (&["--fail-on-mismatch"][..], 1)] {
+        let output = pkm(folder.path(), &[&diagnose[..], more].concat());
+        let verdict: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!((verdict["status"].as_str(), output.status.code()), (Some("unusable"), Some(code)), "{verdict}");
+    }
+    // A robot that its recordings agree with passes.
+    let refined = demo().join("demo").join("refined.robot.toml").display().to_string();
+    let simulate = ["simulate", &refined, "--duration", "10", "--rate", "500", "--out"];
+    prints(folder.path(), &[&simulate[..], &["fit.csv", "--seed", "5"]].concat());
+    prints(folder.path(), &[&simulate[..], &["judged.csv", "--seed", "6"]].concat());
+    let passes =
+        ["diagnose", &refined, "--recording", "fit.csv", "--holdout", "judged.csv", "--no-replay", "--fail-on-mismatch", "--quiet"];
+    assert_eq!(pkm(folder.path(), &passes).status.code(), Some(0));
+}
+
+#[test]
+fn what_controller_is_left_out_is_told_as_each_verb_has_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let told = |verb: &str| prints(folder.path(), &[verb, "--help"]).split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(told("diagnose").contains("[default: commands are not checked, and the replay is held to the measured motion]"));
+    assert!(["simulate", "twin"].iter().all(|verb| told(verb).contains("[default: a PD per drive with the weight as feed-forward]")));
+}
+
+#[test]
 fn what_is_left_out_is_no_finding_and_the_verdict_says_that_it_was_left_out() {
     let folder = rig_with_recordings();
     let arguments =

@@ -21,17 +21,44 @@ pub(crate) fn parse(file: &str, bytes: &[u8]) -> Result<Recording, ReadError> {
         let Some((line, content)) = lines.next() else {
             return Err(ReadError::NoHeader { file: file.to_string() });
         };
-        let Some(comment) = content.strip_prefix(b"#") else { break (line, content) };
         let at = Place { file, line };
-        metadata(&at, at.utf8(comment)?, (&mut meta, &mut seen))?;
+        match comment(content) {
+            Some(Comment::Plain(text)) => metadata(&at, at.utf8(text)?, (&mut meta, &mut seen))?,
+            Some(Comment::Quoted) => metadata(&at, &unquoted(&at, content)?, (&mut meta, &mut seen))?,
+            None => break (line, content),
+        }
     };
     let mut table = Table::new(Place { file, line }, header, text.len())?;
     for (line, content) in lines {
-        if !content.starts_with(b"#") {
+        if comment(content).is_none() {
             table.push(&Place { file, line }, content)?;
         }
     }
     table.finish(file, meta)
+}
+
+/// A line that is no row.
+enum Comment<'a> {
+    /// What follows its `#`.
+    Plain(&'a [u8]),
+    /// The whole line is a quoted field, and empty ones, as a spreadsheet writes a comment that it was given.
+    Quoted,
+}
+
+/// Spreadsheets put a comment with a comma or a quote in it into quotes, and commas behind any, one per column of the widest row.
+fn comment(content: &[u8]) -> Option<Comment<'_>> {
+    if let Some(text) = content.strip_prefix(b"#") {
+        let kept = text.iter().rposition(|b| *b != b',').map_or(0, |last| last + 1);
+        return Some(Comment::Plain(&text[..kept]));
+    }
+    content.strip_prefix(b"\"").is_some_and(|field| field.trim_ascii_start().starts_with(b"#")).then_some(Comment::Quoted)
+}
+
+/// What follows the `#` of a quoted comment: its first field, in which two quotes are one.
+fn unquoted(at: &Place<'_>, content: &[u8]) -> Result<String, ReadError> {
+    let record = fields(at, at.utf8(content)?)?;
+    let text = record.get(0).unwrap_or_default().trim_start();
+    Ok(text.strip_prefix('#').unwrap_or(text).to_string())
 }
 
 /// Where a message points to.
@@ -150,12 +177,18 @@ impl Table {
     }
 }
 
-/// Column names of a header line, quoted or not.
-fn names(at: &Place<'_>, header: &str) -> Result<Vec<String>, ReadError> {
+/// Fields of a line, quoted or not.
+fn fields(at: &Place<'_>, line: &str) -> Result<::csv::StringRecord, ReadError> {
     let mut record = ::csv::StringRecord::new();
-    let mut reader = ::csv::ReaderBuilder::new().has_headers(false).from_reader(header.as_bytes());
+    let mut reader = ::csv::ReaderBuilder::new().has_headers(false).from_reader(line.as_bytes());
     // The text is UTF-8 already, and reading from memory cannot fail.
     reader.read_record(&mut record).map_err(|_| ReadError::NotUtf8 { file: at.file(), line: at.line })?;
+    Ok(record)
+}
+
+/// Column names of a header line.
+fn names(at: &Place<'_>, header: &str) -> Result<Vec<String>, ReadError> {
+    let record = fields(at, header)?;
     let mut names: Vec<String> = Vec::with_capacity(record.len());
     let mut sorted = alloc::collections::BTreeSet::new();
     for (k, name) in record.iter().map(str::trim).enumerate() {
@@ -221,6 +254,22 @@ mod tests {
         assert_eq!(recording.meta.tau, Some(EffortKind::Measured));
         assert_eq!(recording.meta.session.as_deref(), Some("2021-03-03"));
         assert_eq!(recording.meta.other.get("x.y").map(String::as_str), Some("Jane Doe"));
+    }
+
+    #[test]
+    fn comments_as_spreadsheets_write_them_are_comments() {
+        // What Excel and LibreOffice make of the lines in the other test when they save them beside three columns.
+        let text = "# made by hand,,\r\n# tau = measured,,\r\n\"# load = {link = \"\"hand\"\", mass = 2.0, xyz = [0, 0, 0.1]}\",,\r\n\
+            \"# session = \"\"3 March, noon\"\"\",,\r\n\"t\",\"q.a\",\"tau.a\"\r\n\"# a, b\",,\r\n0,1,2\r\n";
+        let recording = parse("A.csv", text.as_bytes()).unwrap();
+        assert_eq!((recording.time.as_slice(), recording.signal("tau.a").unwrap()), (&[0.0][..], &[2.0][..]));
+        assert_eq!(recording.meta.tau, Some(EffortKind::Measured));
+        assert_eq!(recording.meta.session.as_deref(), Some("3 March, noon"));
+        let load = recording.meta.load.unwrap();
+        assert_eq!((load.link.as_str(), load.mass, load.xyz), ("hand", 2.0, [0.0, 0.0, 0.1]));
+        assert_eq!(say("\"# tau = guessed\"\nt\n0\n"), "A.csv line 1: tau = guessed is not measured or commanded");
+        // A quoted number is a sample, quoted words are none.
+        assert!(say("t\n\"1\"\n\"two\"\n").starts_with("A.csv line 3, column t: "));
     }
 
     #[test]

@@ -4,7 +4,7 @@ use pkm_diagnose::evidence::FindingPlot;
 use pkm_diagnose::verdict::{EffectAt, Experiment, Finding, LookAlike};
 use pkm_diagnose::{Diagnosis, Verdict};
 
-use super::{esc, num};
+use super::{esc, num, prose};
 use crate::format::{confidence, fixed, percent, rounded, short};
 use crate::svg::{Axis, Frame, Plot, curve, dots, path};
 use crate::{svg, words};
@@ -50,14 +50,14 @@ fn card(finding: &Finding, picture: Option<&str>, largest: f64, null_runs: usize
     let mut out = format!(
         r#"<article class="card"><div class="head"><span class="rank">{}</span><h3>{}</h3></div><p class="tag"><code>{}</code> at <b>{}</b></p>"#,
         finding.rank,
-        esc(&finding.says),
+        prose(&finding.says),
         esc(&finding.effect),
         esc(&words::places(&finding.place)),
     );
     let cols = if picture.is_some() { "cols" } else { "cols single" };
     put!(out, r#"<div class="{cols}"><div>"#);
     if !finding.equation.is_empty() {
-        put!(out, r#"<p class="eq">{}</p>"#, esc(&finding.equation));
+        put!(out, r#"<p class="eq">{}</p>"#, prose(&finding.equation));
     }
     out.push_str(&parameters(finding));
     out.push_str(&facts(finding, null_runs));
@@ -68,7 +68,7 @@ fn card(finding: &Finding, picture: Option<&str>, largest: f64, null_runs: usize
     }
     out.push_str("</div>");
     if !finding.compensation.says.is_empty() {
-        put!(out, r#"<p class="soft">For the controller: {}.</p>"#, esc(&finding.compensation.says));
+        put!(out, r#"<p class="soft">For the controller: {}.</p>"#, prose(&finding.compensation.says));
     }
     out.push_str(&aliases(&finding.cannot_tell_from));
     out.push_str(&experiments(&finding.experiments));
@@ -226,9 +226,10 @@ fn picture(plot: &FindingPlot) -> Option<String> {
         points.step_by(every).filter(move |(_, h)| *h == is_heldout).map(|(p, _)| p)
     };
     let mut layers = dots(&frame, samples(false), "train") + &dots(&frame, samples(true), "held");
-    let model = match curve(&plot.x, &plot.model, CURVE_MAX) {
-        Some(points) => path(&frame, &points, "halo") + &path(&frame, &points, "after thick"),
-        None => dots(&frame, plot.x.iter().copied().zip(plot.model.iter().copied()).step_by(every), "model"),
+    // A finding that is no function of what is drawn along is dots as well.
+    let (model, key) = match curve(&plot.x, &plot.model, CURVE_MAX) {
+        Some(points) => (path(&frame, &points, "halo") + &path(&frame, &points, "after thick"), "l-after"),
+        None => (dots(&frame, plot.x.iter().copied().zip(plot.model.iter().copied()).step_by(every), "model"), "d-model"),
     };
     layers.push_str(&model);
     let title = format!("{} against {}, measured and as the finding explains it", plot.y_label, plot.x_label);
@@ -236,15 +237,29 @@ fn picture(plot: &FindingPlot) -> Option<String> {
     Some(format!(
         concat!(
             "{}<figcaption class=\"legend\"><span class=\"key d-train\">fitted samples</span><span class=\"key d-held\">held-out samples</span>",
-            "<span class=\"key l-after\">this finding</span></figcaption>",
+            "<span class=\"key {}\">this finding</span></figcaption>",
         ),
-        drawn.render()
+        drawn.render(),
+        key
     ))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_legend_shows_what_is_drawn() {
+        let along = |model: &dyn Fn(f64) -> f64| {
+            let x: Vec<f64> = (0..40).map(|i| f64::from(i % 20)).collect();
+            let model: Vec<f64> = (0..40).map(|i| model(f64::from(i))).collect();
+            picture(&FindingPlot { y: x.clone(), is_heldout: vec![false; 40], x, model, ..FindingPlot::default() }).unwrap()
+        };
+        // Two values at every place are no curve.
+        let (line, cloud) = (along(&|i| i % 20.0), along(&|i| i));
+        assert!(line.contains("\"key l-after\"") && line.contains("after thick") && !line.contains("d-model"));
+        assert!(cloud.contains("\"key d-model\"") && !cloud.contains("after thick") && !cloud.contains("l-after"));
+    }
 
     #[test]
     fn a_plot_with_bad_numbers_stays_finite() {

@@ -13,7 +13,7 @@ mod replay;
 mod tables;
 mod workspace;
 
-pub(crate) use escape::{esc, num};
+pub(crate) use escape::{esc, num, prose};
 pub use identification::identification_html;
 pub(crate) use page::STYLE;
 pub use page::html;

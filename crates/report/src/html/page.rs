@@ -3,7 +3,7 @@
 use pkm_diagnose::Diagnosis;
 use pkm_diagnose::verdict::Status;
 
-use super::{esc, findings, isolability, joints, leftover, numbers, replay, tables};
+use super::{esc, findings, isolability, joints, leftover, numbers, prose, replay, tables};
 use crate::words;
 
 /// Style sheet of every page.
@@ -90,7 +90,7 @@ fn header(diagnosis: &Diagnosis, sections: &[Section]) -> String {
         r#"<header><p class="eyebrow">Model against recordings</p><h1>{}</h1><p class="outcome {class}">{}</p><p class="answer">{}</p>"#,
         esc(&verdict.robot),
         esc(&words::outcome(verdict)),
-        esc(words::answer(verdict)),
+        prose(words::answer(verdict)),
     );
     if verdict.status == Status::Unusable {
         out.push_str(r#"<p class="soft">The gate rejected the recordings, so no model was judged and no effect was looked for.</p>"#);
@@ -131,7 +131,7 @@ mod tests {
         d.verdict.status = Status::Unusable;
         d.verdict.says = "A.csv: 40 % of the samples are missing".to_owned();
         let page = html(&d);
-        assert!(page.contains("40 % of the samples") && page.contains("id=\"recordings\""));
+        assert!(page.contains("40\u{a0}% of the samples") && page.contains("id=\"recordings\""));
         assert!(!page.contains("id=\"findings\"") && !page.contains("id=\"numbers\"") && !page.contains("<svg"));
     }
 

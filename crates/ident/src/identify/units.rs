@@ -1,0 +1,60 @@
+//! The efforts of every recording beside those of the robot as its files have it: a unit that is a thousand times another one shows.
+
+use crate::columns::{Columns, Quantity};
+use crate::error::InputError;
+use crate::note::Note;
+use crate::observation::{Observation, Rows};
+use crate::thousands::{Seen, other_units, seen};
+
+/// Rows of one drive in one recording.
+#[derive(Clone, Default)]
+struct Series {
+    effort: Vec<f64>,
+    nominal: Vec<f64>,
+    own: [Vec<f64>; 4],
+}
+
+/// What the recordings, those to judge on included, say against their units.
+///
+/// # Errors
+/// Loops that do not close along a recording.
+pub(super) fn notes(observation: &Observation<'_>) -> Result<Vec<Note>, InputError> {
+    let (model, columns) = (&observation.robot().model, observation.columns());
+    let nominal = columns.nominal();
+    let own: Vec<[Option<usize>; 4]> = model.actuators.iter().map(|&joint| own_columns(columns, joint)).collect();
+    let mut all = vec![vec![Series::default(); model.n_act()]; observation.motions().len()];
+    for rows in [Rows::Fitted, Rows::HeldOut] {
+        let mut visit = |block: &crate::observation::Block<'_>| {
+            for (k, series) in all[block.recording].iter_mut().enumerate() {
+                for i in (0..block.len()).filter(|&i| block.is_active(k, i)) {
+                    let row = block.row(k, i);
+                    let known = block.effort(k, i) - block.target(k, i);
+                    series.effort.push(block.effort(k, i));
+                    series.nominal.push(known + row.iter().zip(&nominal).map(|(w, x)| w * x).sum::<f64>());
+                    for (out, at) in series.own.iter_mut().zip(&own[k]) {
+                        out.push(at.map_or(0.0, |c| row[c]));
+                    }
+                }
+            }
+        };
+        observation.each(rows, &mut visit, &mut |_| {})?;
+    }
+    let mut out = Vec::new();
+    for (motion, drives) in observation.motions().iter().zip(&all) {
+        let drives: Vec<Option<Seen>> = drives.iter().map(|s| seen(&s.effort, &s.nominal, &s.own)).collect();
+        out.extend(other_units(model, &motion.name, &drives).into_iter().map(Note::OtherUnits));
+    }
+    Ok(out)
+}
+
+/// Columns of a drive itself: offset, viscous and dry friction, rotor.
+fn own_columns(columns: &Columns, drive: usize) -> [Option<usize>; 4] {
+    let at = |wanted: Quantity| columns.list.iter().position(|p| p.quantity == wanted);
+    [
+        Quantity::Offset { joint: drive },
+        Quantity::Viscous { joint: drive },
+        Quantity::Coulomb { joint: drive },
+        Quantity::Rotor { joint: drive },
+    ]
+    .map(at)
+}
