@@ -229,8 +229,8 @@ mod tests {
         let expected = 1.5 * (0.5 * N as f64).sqrt();
         assert!((l.beside / expected - 1.0).abs() < 0.05 && (l.all / expected - 1.0).abs() < 0.05, "{l:?} {expected}");
         assert!((l.share - 1.0).abs() < 1e-2, "{l:?}");
-        // A sine of 3 has 3/√2, and the noise 2.
-        assert!(l.over_floor.iter().all(|x| (x / (1.5 * 0.5_f64.sqrt()) - 1.0).abs() < 0.05), "{l:?}");
+        // A sine of 3 has 3/√2, and the noise 2, which 1,200 of it show to 2 % (one sigma).
+        assert!(l.over_floor.iter().all(|x| (x / (1.5 * 0.5_f64.sqrt()) - 1.0).abs() < 0.08), "{l:?}");
     }
 
     #[test]
