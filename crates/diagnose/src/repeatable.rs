@@ -239,7 +239,7 @@ fn scatter(work: &Work, left: &Left) -> Option<Scatter> {
 }
 
 /// Links on which a force could make the scatter, best first, the farther from the root of equals: link, rms of the force `[N]`, share of
-/// the scatter that it leaves. The force acts at the link's origin or at its centre of mass, whichever leaves less: nobody knows where a hand lies.
+/// the scatter that it leaves. The force acts at the link's origin, or at its centre of mass where that leaves clearly less: nobody knows where a hand lies.
 fn places(work: &Work, scatter: &Scatter) -> Vec<(usize, f64, f64)> {
     let model = &work.robot.model;
     let links: Vec<usize> = model.massive_links().into_iter().rev().filter(|&l| model.links[l].body.is_some()).collect();
@@ -275,7 +275,8 @@ fn places(work: &Work, scatter: &Scatter) -> Vec<(usize, f64, f64)> {
     }
     let each = points.iter().zip(sums).filter(|(_, s)| s[3] > 0.0 && s[2] > 0.0 && s[0] > 0.0);
     let found: Vec<(usize, f64, f64)> = each.map(|((link, _), s)| (*link, math::sqrt(s[0] / s[3]), s[1] / s[2])).collect();
-    let better = |of_link: &[(usize, f64, f64)]| of_link.iter().copied().min_by(|a, b| a.2.total_cmp(&b.2));
+    // The origin comes first, and stays where the centre of mass is no better.
+    let better = |of_link: &[(usize, f64, f64)]| of_link.iter().copied().reduce(|a, b| if b.2 + AS_WELL < a.2 { b } else { a });
     let mut out: Vec<(usize, f64, f64)> = found.chunk_by(|a, b| a.0 == b.0).filter_map(better).collect();
     let best = out.iter().map(|o| o.2).fold(f64::INFINITY, f64::min);
     // Among those that do as well as the best, the last link comes first: people hold on to the end of a robot.
