@@ -156,19 +156,21 @@ impl Arena<'_> {
         }
         let groups: Vec<(&[usize], &[usize])> =
             by_scope.iter().flat_map(|(scope, all)| all.chunks(AT_ONCE).map(|some| (*scope, some))).collect();
-        let mut tried: Vec<(usize, Trial, Vec<f64>)> =
-            groups.par_iter().flat_map_iter(|(scope, some)| self.attempt_all(scope, some)).collect();
-        tried.sort_by(|(a, t, _), (b, u, _)| a.cmp(b).then(u.taken.total_cmp(&t.taken)));
-        let mut out = Vec::new();
-        for group in tried.chunk_by(|a, b| a.0 == b.0) {
-            let mut null = vec![f64::NEG_INFINITY; self.null_best.len()];
-            group.iter().for_each(|(_, _, gains)| null.iter_mut().zip(gains).for_each(|(n, g)| *n = n.max(*g)));
-            let mut trials: Vec<Trial> = group.iter().map(|(_, trial, _)| trial.clone()).collect();
+        let tried: Vec<(usize, Trial, Vec<f64>)> = groups.par_iter().flat_map_iter(|(scope, some)| self.attempt_all(scope, some)).collect();
+        let mut each: BTreeMap<usize, (Vec<Trial>, Vec<f64>)> = BTreeMap::new();
+        for (candidate, trial, gains) in tried {
+            let none = || (Vec::new(), vec![f64::NEG_INFINITY; self.null_best.len()]);
+            let (trials, null) = each.entry(candidate).or_insert_with(none);
+            trials.push(trial);
+            null.iter_mut().zip(gains).for_each(|(n, g)| *n = n.max(g));
+        }
+        let best_of = |(candidate, (mut trials, null)): (usize, (Vec<Trial>, Vec<f64>))| {
+            trials.sort_by(|a, b| b.taken.total_cmp(&a.taken));
             prefer_simple(&mut trials);
             let mut trials = trials.into_iter();
-            out.extend(trials.next().map(|best| (Score::of(group[0].0, best, trials.take(MAX_OTHERS).collect()), null)));
-        }
-        out
+            trials.next().map(|best| (Score::of(candidate, best, trials.take(MAX_OTHERS).collect()), null))
+        };
+        each.into_iter().filter_map(best_of).collect()
     }
 
     /// Every shape of some candidates of one scope: the candidate, its numbers on the recording and its gain in every null run.
