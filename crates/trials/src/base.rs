@@ -87,7 +87,26 @@ impl Base {
         let times = if self.pace > 1.0 { motion.times.min(2.0) } else { motion.times };
         Reference::inside_limits(&self.plant, &path, period * times)
     }
+
+    /// As [`Self::reference`] with what the healthy robot does along it. A soft controller lets a robot sag so far from some motions that its loops do
+    /// not close: another is drawn in their place.
+    ///
+    /// # Errors
+    /// When the robot cannot follow any of several.
+    pub fn followed(&self, recording: usize, random: &mut Stream) -> Result<(Reference, Trace), RobotError> {
+        let mut draws = 1;
+        loop {
+            let drawn = self.reference(recording, random).and_then(|r| run(&self.machine, &r).map(|trace| (r, trace)));
+            match drawn {
+                Err(_) if draws < DRAWS => draws += 1,
+                drawn => return drawn,
+            }
+        }
+    }
 }
+
+/// Motions that a robot may fail to follow, at most, before it is given up.
+const DRAWS: usize = 20;
 
 /// What `machine` does along `reference`, at the rate of the recordings.
 ///
@@ -170,17 +189,20 @@ fn passive(plant: &Plant) -> Vec<Resistance> {
     out
 }
 
-/// What the drives do in the healthy robot.
+/// What the drives do in the healthy robot: in the first recording, and how far they go in any. Friction that is positive along one recording's
+/// stroke may push beyond it.
 ///
 /// # Errors
 /// A robot without inertia.
-pub fn facts(plant: &Plant, trace: &Trace) -> Result<Vec<Fact>, RobotError> {
+pub fn facts(plant: &Plant, traces: &[Trace]) -> Result<Vec<Fact>, RobotError> {
     let inertia = felt_inertia(plant)?;
+    let trace = &traces[0];
     let n = trace.t.len() as f64;
     let fact = |k: usize| {
         let mean = |x: &[Vec<f64>]| x.iter().map(|r| r[k]).sum::<f64>() / n;
         let spread = |x: &[Vec<f64>]| (x.iter().map(|r| (r[k] - mean(x)) * (r[k] - mean(x))).sum::<f64>() / n).sqrt();
-        let ends = trace.reading.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |e, r| [e[0].min(r[k]), e[1].max(r[k])]);
+        let readings = traces.iter().flat_map(|t| &t.reading);
+        let ends = readings.fold([f64::INFINITY, f64::NEG_INFINITY], |e, r| [e[0].min(r[k]), e[1].max(r[k])]);
         Fact {
             spread: spread(&trace.effort),
             peak: trace.effort.iter().map(|r| r[k].abs()).fold(0.0, f64::max),
@@ -200,4 +222,30 @@ pub fn speeds(trace: &Trace) -> Vec<f64> {
     let dt = trace.t[1] - trace.t[0];
     let square = |j: usize| trace.truth.windows(2).map(|w| (w[1][j] - w[0][j]) * (w[1][j] - w[0][j])).sum::<f64>();
     (0..n).map(|j| (square(j) / trace.t.len() as f64).sqrt() / dt).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::MEASURED;
+
+    #[test]
+    fn a_motion_that_a_soft_robot_cannot_hold_is_drawn_anew() {
+        let robot = "ups3_rpu1".to_string();
+        let wish = Wish { number: 33, seed: 9302, level: Level::L0, robot, size: 2.0, noise: 1.0, recordings: MEASURED, effect: None };
+        let base = Base::new(&wish).expect("a robot that comes with the project");
+        let stream = || Stream::new(wish.seed, wish.number, "ruler");
+        let first = base.reference(0, &mut stream()).expect("the nominal robot follows every motion");
+        assert!(run(&base.machine, &first).is_err(), "its loops open");
+        let (second, trace) = base.followed(0, &mut stream()).expect("one of the next ones");
+        assert_ne!(first, second);
+        assert!(trace.reading.iter().flatten().all(|q| q.is_finite()));
+        // How far the drives go is told of all motions, so that a law over the stroke covers each.
+        let (_, longer) = base.followed(1, &mut Stream::new(1, 1, "other")).expect("it moves");
+        let traces = [trace, longer];
+        for (k, fact) in facts(&base.plant, &traces).expect("it weighs something").iter().enumerate() {
+            let within = |r: &Vec<f64>| (r[k] - fact.centre).abs() <= fact.reach * (1.0 + 1e-9);
+            assert!(traces.iter().flat_map(|t| &t.reading).all(within), "drive {k}");
+        }
+    }
 }

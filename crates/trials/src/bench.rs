@@ -72,7 +72,7 @@ impl<'a> Bench<'a> {
         let own = floor(base, noise, silent, &mut stream)?;
         let mut others = Vec::new();
         for _ in 0..OTHERS {
-            let traces = (0..MEASURED).map(|r| run(&base.machine, &base.reference(r, &mut stream)?)).collect::<Result<Vec<_>, _>>()?;
+            let traces = (0..MEASURED).map(|r| Ok(base.followed(r, &mut stream)?.1)).collect::<Result<Vec<_>, RobotError>>()?;
             others.push(floor(base, noise, &traces, &mut stream)?);
         }
         let healthy = silent.iter().map(|t| residual(&base.plant, t, &noise.silent(t), BAND)).collect::<Result<Vec<_>, _>>()?;

@@ -202,9 +202,9 @@ pub fn make(wish: &Wish) -> Result<Case, RobotError> {
     let base = Base::new(wish)?;
     let mut random = Stream::new(wish.seed, wish.number, "case");
     let mut paths = Stream::new(wish.seed, wish.number, "paths");
-    let references: Vec<Reference> = (0..=HOLDOUT).map(|r| base.reference(r, &mut paths)).collect::<Result<_, _>>()?;
-    let silent: Vec<Trace> = references[..MEASURED].iter().map(|r| run(&base.machine, r)).collect::<Result<_, _>>()?;
-    let facts = facts(&base.plant, &silent[0])?;
+    let followed = (0..=HOLDOUT).map(|r| base.followed(r, &mut paths)).collect::<Result<Vec<_>, _>>()?;
+    let (references, silent): (Vec<Reference>, Vec<Trace>) = followed.into_iter().unzip();
+    let facts = facts(&base.plant, &silent)?;
     let spread: Vec<f64> = facts.iter().map(|f| f.spread).collect();
     let mut noise = Noise::typical(&base.plant.robot, &spread, random.uniform(0.01, 0.02), random.chance(0.5));
     if wish.level.has_decoys() {
@@ -217,8 +217,8 @@ pub fn make(wish: &Wish) -> Result<Case, RobotError> {
     let mut stream = Stream::new(wish.seed, wish.number, "sensors");
     let mut taken: Vec<Recording> = traces.iter().map(|t| noise.record(t, &mut stream)).collect();
     let knowing = base.plant.weighing(base.machine.plant.robot.clone());
-    let judged = run(&base.machine, &references[HOLDOUT])?;
-    let floor = left_share(&knowing, &judged, &noise.record(&judged, &mut stream), &BANDS)?;
+    let judged = &silent[HOLDOUT];
+    let floor = left_share(&knowing, judged, &noise.record(judged, &mut stream), &BANDS)?;
     let robot = if wish.level.is_refitted() {
         let learnt: Vec<(&Trace, &Recording)> = traces.iter().zip(&taken).take(taken.len() - 1).collect();
         refit(&base.plant, &learnt, bench.weights())?
