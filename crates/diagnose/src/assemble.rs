@@ -16,7 +16,7 @@ use crate::explain;
 use crate::final_fit::{FinalFit, errors, jackknife_half_width, left_as_given, noise_floor, pooled};
 use crate::isolability::isolability;
 use crate::leftover::{Views, unexplained};
-use crate::rank::{Step, rank};
+use crate::rank::{Step, rank_what_helps};
 use crate::refine::{Parameters, container, refine};
 use crate::regimes;
 use crate::repeatable::look_for_a_person;
@@ -55,7 +55,7 @@ pub(crate) fn assemble(
     settings: &Settings,
 ) -> Diagnosis {
     let nominal = left_as_given(work, &work.missing, View::Judge);
-    let mut steps = rank(work, band);
+    let mut steps = rank_what_helps(work, band, settings);
     let order: Vec<usize> = steps.iter().filter_map(|s| s.pick).collect();
     let late = chain_rivals(work, band);
     let mut fin = finish(work);
@@ -239,7 +239,7 @@ fn finding(work: &Work, fin: &Final, steps: &[Step], (r, pick): (usize, usize), 
 }
 
 /// Of the search and the confirmation together: for two independent p-values with product `k`, `k·(1 − ln k)` is one again.
-fn p_value(search: f64, confirm: f64, settings: &Settings) -> f64 {
+pub(crate) fn p_value(search: f64, confirm: f64, settings: &Settings) -> f64 {
     let k = search * confirm;
     (k * (1.0 - math::ln(k))).clamp(1.0 / (settings.null_runs + 1) as f64, 1.0)
 }

@@ -1,5 +1,6 @@
 //! The confirm set, read once: every pick must help on held-out data more than chance would.
 
+use crate::assemble::p_value;
 use crate::columns::Family;
 use crate::columns::external_force::{acts_in_fitted_only, in_fitted_only};
 use crate::contest::{mean_and_sd, own_columns, surrogates};
@@ -37,7 +38,7 @@ fn stays_in_fitted_only(work: &mut Work, pick: usize, settings: &Settings) -> bo
 /// somebody's arm need not come back in another recording. Nothing confirms it then, and its p-value says so.
 pub(crate) fn fitted_only(work: &Work, p: &Pick, settings: &Settings) -> Option<Pick> {
     let c = &work.candidates[p.candidate];
-    if c.effect_name() != "external_force" || p.p_search > settings.confirm_level {
+    if c.effect_name() != "external_force" || p_value(p.p_search, 1.0, settings) > settings.confirm_level {
         return None;
     }
     let values = in_fitted_only(&p.variant.values)?;

@@ -109,18 +109,23 @@ fn is_taken_into_account(law: &Law) -> bool {
         || matches!(law, Law::EffortLimit | Law::EffortDeadZone | Law::CommandShare | Law::Person)
 }
 
-/// Five harmonics of the fastest motion, median over joints and recordings to be fitted.
+/// Five harmonics of the fastest motion: each joint's in the fitted recording in which it is fastest, the median over joints.
 fn choose_band(raws: &[Raw], recordings: &[(&Recording, Use)]) -> f64 {
-    let mut f: Vec<f64> = raws
-        .iter()
-        .zip(recordings)
-        .filter(|(_, (_, used))| *used != Use::Holdout)
-        .flat_map(|(raw, _)| raw.q.iter().map(|q| spectrum::motion_bandwidth(q, raw.grid.dt)).collect::<Vec<_>>())
-        .filter(|f| *f > 0.0)
-        .collect();
+    let fitted: Vec<&Raw> = raws.iter().zip(recordings).filter(|(_, (_, used))| *used != Use::Holdout).map(|(raw, _)| raw).collect();
+    let joints = 0..fitted.first().map_or(0, |raw| raw.q.len());
+    let fastest = |k: usize| fitted.iter().max_by(|a, b| speed(a, k).total_cmp(&speed(b, k)));
+    let bandwidths = joints.filter_map(|k| fastest(k).map(|raw| spectrum::motion_bandwidth(&raw.q[k], raw.grid.dt)));
+    let mut f: Vec<f64> = bandwidths.filter(|f| *f > 0.0).collect();
     f.sort_by(f64::total_cmp);
     // The lower median: a joint that hunts on its encoder's last bit looks fast and is not.
     f.get(f.len().saturating_sub(1) / 2).map_or(1.0, |f| HARMONICS * f)
+}
+
+/// Root mean square of a joint's velocity from sample to sample `[m/s | rad/s]`.
+fn speed(raw: &Raw, joint: usize) -> f64 {
+    let q = &raw.q[joint];
+    let square: f64 = q.windows(2).map(|w| (w[1] - w[0]) * (w[1] - w[0])).sum();
+    math::sqrt(square / q.len().max(1) as f64) / raw.grid.dt
 }
 
 fn raw(robot: &Robot, r: &Recording, kinds: &[Kind]) -> Result<Raw, InputError> {
