@@ -29,12 +29,12 @@ pub const RATES_HZ: [f64; 2] = [100.0, crate::grid::FASTEST_HZ as f64];
 
 /// Why a file is no daemon's: one line that names file, line, key, value and what is allowed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{file}:{line}: {problem}")]
+#[error("{file}{}: {problem}", .line.map_or(String::new(), |line| format!(":{line}")))]
 pub struct ConfigError {
     /// The file, as given.
     pub file: String,
-    /// Its line, from one; 1 for what concerns the whole.
-    pub line: usize,
+    /// Its line, from one; 1 for what concerns the whole, none where there is no text.
+    pub line: Option<usize>,
     /// Key, value, limit.
     pub problem: String,
 }
@@ -84,7 +84,7 @@ pub struct Settings {
 /// A file that cannot be read, is larger than a megabyte, or no UTF-8.
 pub fn read(path: &Path) -> Result<(String, String), ConfigError> {
     let file = path.display().to_string();
-    let bad = |problem: String| ConfigError { file: file.clone(), line: 1, problem };
+    let bad = |problem: String| ConfigError { file: file.clone(), line: None, problem };
     let mut bytes = Vec::new();
     let opened = std::fs::File::open(path).map_err(|e| bad(e.to_string()))?;
     opened.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(|e| bad(e.to_string()))?;
@@ -103,7 +103,7 @@ impl DaemonConfig {
     pub fn parse(text: &str, file: &str) -> Result<Self, ConfigError> {
         let layout = toml::from_str(text).map_err(|e| {
             let problem = e.message().split_whitespace().collect::<Vec<_>>().join(" ");
-            ConfigError { file: file.to_string(), line: line_of(text, e.span().map_or(0, |s| s.start)), problem }
+            ConfigError { file: file.to_string(), line: Some(line_of(text, e.span().map_or(0, |s| s.start))), problem }
         })?;
         Ok(Self { file: file.to_string(), text: text.to_string(), layout })
     }
@@ -167,7 +167,7 @@ impl DaemonConfig {
     }
 
     fn error(&self, at: usize, problem: String) -> ConfigError {
-        ConfigError { file: self.file.clone(), line: line_of(&self.text, at), problem }
+        ConfigError { file: self.file.clone(), line: Some(line_of(&self.text, at)), problem }
     }
 
     /// What the file says for a robot with this model, whose controller steps `rate_hz` times a second `[Hz]`.
