@@ -6,9 +6,11 @@ mod layout;
 #[cfg(test)]
 mod tests;
 
+use alloc::sync::Arc;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use pkm_ctrl::Numbers;
 use pkm_dyn::model::Model;
 use pkm_hal::{AxisLimits, MAX_AXES, SafeAction, SafeKind};
 
@@ -61,9 +63,9 @@ pub struct DaemonConfig {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// Numbers of the loop.
-    pub limits: Limits,
+    pub limits: Arc<Limits>,
     /// Limits between loop and device, one per drive.
-    pub axes: Vec<AxisLimits>,
+    pub axes: Arc<[AxisLimits]>,
     /// Rights that are asked for.
     pub realtime: Policy,
     /// Core that the loop stays on.
@@ -76,6 +78,14 @@ pub struct Settings {
     pub wrench: Option<usize>,
     /// How long the law of contact or the exercise runs before it holds by itself `[s]`; none: until it is stopped.
     pub length_s: Option<f64>,
+}
+
+impl Settings {
+    /// The limits, for who looks from outside the loop whether they are still what the file says.
+    #[must_use]
+    pub fn numbers(&self) -> Numbers {
+        Numbers::new(Arc::new((Arc::clone(&self.limits), Arc::clone(&self.axes))))
+    }
 }
 
 /// Name and text of a daemon.toml.
@@ -200,7 +210,16 @@ impl DaemonConfig {
         let (priority, cpu) = (priority as u8, cpu.map(|cpu| cpu as usize));
         let black_box_s = at.number("black_box_s", self.layout.black_box_s.as_ref(), 5.0, [0.1, 600.0], "s")?;
         let (wrench, length_s) = (at.wrench()?, at.length_s()?);
-        Ok(Settings { limits, axes, realtime: self.layout.realtime, cpu, priority, black_box_s, wrench, length_s })
+        Ok(Settings {
+            limits: Arc::new(limits),
+            axes: axes.into(),
+            realtime: self.layout.realtime,
+            cpu,
+            priority,
+            black_box_s,
+            wrench,
+            length_s,
+        })
     }
 }
 
@@ -331,14 +350,14 @@ impl Reader<'_> {
         let own_speed = |k: usize| if speed(k).is_finite() { 0.25 * speed(k) } else { 0.1 };
         let wide = [f64::MIN_POSITIVE, f64::INFINITY];
         let all: [f64; MAX_AXES] = core::array::from_fn(|k| axes.get(k).map_or(0.0, |axis| axis.velocity));
-        let gate = GateLimits {
+        let gate = Arc::new(GateLimits {
             late_ns: nanoseconds(late),
             stale_ns: nanoseconds(stale),
             ahead_ns: nanoseconds(period),
             speed: all,
             jump: self.each("limits.jump", l.jump.as_ref(), |k| 0.01 * self.travel(k), wide)?,
             stuck: self.each("limits.stuck", l.stuck.as_ref(), |k| 0.01 * self.travel(k), wide)?,
-        };
+        });
         let home = self.config.layout.home.as_ref();
         let home = home.map(|home| self.each("home.q", Some(&home.q), |_| 0.0, [f64::MIN, f64::MAX])).transpose()?;
         self.reachable(home.as_ref(), axes)?;

@@ -1,5 +1,7 @@
 //! What is believed of a robot's states: whole frames, in order, of numbers that a robot can have reached.
 
+use alloc::sync::Arc;
+
 use pkm_hal::frame::{first_bits, status};
 use pkm_hal::{Cause, HalError, MAX_AXES, StateFrame};
 
@@ -76,10 +78,11 @@ pub struct Brought {
 }
 
 /// The newest believed state, and what is to be said against it.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Gate {
     n: usize,
-    limits: GateLimits,
+    /// Shared with who watches that they stay what they are.
+    limits: Arc<GateLimits>,
     state: Option<StateFrame>,
     /// Positions of now: measured, or carried on for a few periods `[m | rad]`.
     q: [f64; MAX_AXES],
@@ -98,7 +101,7 @@ pub struct Gate {
 impl Gate {
     /// A gate for a robot of `n` axes (at most [`MAX_AXES`]).
     #[must_use]
-    pub fn new(n: usize, limits: GateLimits) -> Self {
+    pub fn new(n: usize, limits: Arc<GateLimits>) -> Self {
         let zero = [0.0; MAX_AXES];
         Self {
             n: n.min(MAX_AXES),
