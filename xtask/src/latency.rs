@@ -158,7 +158,7 @@ fn pair(pkm: &Path, length: u64, viewers: usize) -> Result<String, String> {
     let is_wanted = |line: &&str| ["Hz,", "µs", "wake-up", "compute", "end to end"].iter().any(|word| line.contains(word));
     let rows: Vec<&str> = status.lines().filter(is_wanted).collect();
     Ok(format!(
-        "The daemon, {seen}, microseconds (end to end: age of a state when its answer is handed over):\n{}\nThe driver: {}\nThe recording: {}",
+        "The daemon, {seen}, µs (end to end: age of a state when its answer is handed over):\n{}\nThe driver: {}\nThe recording: {}",
         rows.join("\n"),
         of("driver-sim", "from a state to its answer"),
         of("daemon", "recorded")

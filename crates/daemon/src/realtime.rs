@@ -94,7 +94,7 @@ fn pin(cpu: usize) -> Result<(), String> {
 }
 
 fn lock_memory() -> Result<(), String> {
-    // With a bound, memory that is asked for later would be refused, threads among it; it holds for root too where a container took the right.
+    // With a bound, memory that is asked for later would be refused, threads among it; root has one where a container took the right.
     let is_unbounded = capabilities(None).is_ok_and(|own| own.effective.contains(CapabilitySet::IPC_LOCK));
     if let (Some(most), false) = (getrlimit(Resource::Memlock).current, is_unbounded) {
         return Err(format!("the limit is {most} bytes"));

@@ -397,7 +397,7 @@ fn a_file_that_is_not_there_has_no_line() {
     ] {
         let output = pkm(folder.path(), arguments);
         let told = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(told, "error: nofile.toml: No such file or directory (os error 2)\n", "{arguments:?}");
+        assert!(told.lines().count() == 1 && told.contains("nofile.toml: No such file"), "{arguments:?}: {told}");
         assert!(output.status.code().is_some_and(|code| [2, 74, 78].contains(&code)), "{arguments:?}: {:?}", output.status);
     }
     // What is there and cannot be understood has one.

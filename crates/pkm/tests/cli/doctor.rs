@@ -14,8 +14,8 @@ const NOBODY: &str = "exec setpriv --reuid 65534 --regid 65534 --clear-groups";
 /// The same with two of root's rights, as a unit with `AmbientCapabilities=` gives them.
 const WITH_RIGHTS: &str = "--inh-caps +sys_nice,+ipc_lock --ambient-caps +sys_nice,+ipc_lock";
 
-/// `pkm doctor` as started by this line of a shell: what it found of scheduling and memory (state, words, advice), after a look at whether its
-/// exit status, what programs are told and what people are told agree.
+/// `pkm doctor` as started by this line of a shell: what it found of scheduling and memory (state, words, advice), after a look at whether
+/// its exit status, what programs are told and what people are told agree.
 fn examined(program: &str, before: &str) -> [[String; 3]; 2] {
     let run = |flags: &str| {
         let script = format!("{before} {program} doctor --seconds 0 --priority 80 {flags}");
@@ -95,7 +95,7 @@ fn a_machine_is_looked_at_and_measured() {
         of(what);
     }
     // What the kernel itself says.
-    let release = std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap();
+    let release = fs::read_to_string("/proc/sys/kernel/osrelease").unwrap();
     assert_eq!(of("kernel")["found"], release.trim());
     for finding in findings {
         let is_good = finding["state"] == "good";
