@@ -4,6 +4,8 @@
 mod arceo2021;
 #[path = "controllers/every.rs"]
 mod every;
+#[path = "controllers/gaps.rs"]
+mod gaps;
 #[path = "controllers/linear_adrc.rs"]
 mod linear_adrc;
 #[path = "controllers/model_based.rs"]

@@ -13,11 +13,14 @@ mod rig;
 use alloc::sync::Arc;
 use core::cell::Cell;
 use core::sync::atomic::{AtomicU64, Ordering};
+use std::fs::File;
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use pkm_ctrl::{About, Health, Numbers, Running, Signals};
 use pkm_daemon::black_box::BlackBox;
+use pkm_daemon::config::Settings;
 use pkm_daemon::machine::{Machine, Parts, Tick};
 use pkm_daemon::status::{Status, Told};
 use pkm_daemon::supervisor::{LoopEnds, Reporter, Supervisor, Workshop, lines};
@@ -133,6 +136,7 @@ struct Site<'c> {
     grid: Grid,
     /// The gain of the controller that runs.
     gain: Arc<AtomicU64>,
+    settings: Settings,
 }
 
 impl<'c> Site<'c> {
@@ -144,15 +148,16 @@ impl<'c> Site<'c> {
         let ((sink, source), (record_sink, recorded)) = (ring(ROOM), ring(ROOM));
         let (ends, LoopEnds { orders, answers, transitions, heartbeat }) = lines(source);
         let weigher = Weigher::new(robot.model.clone());
-        let (limits, wrench) = (settings.limits, settings.wrench);
+        let (limits, wrench) = (Arc::clone(&settings.limits), settings.wrench);
         let sink = (sink, record_sink);
         let machine = Machine::new(Parts { hal, sink, weigher, wrench, limits, orders, answers, transitions, heartbeat });
         let heard = Heard::default();
         let maker = Maker { gain: Arc::default(), nonce: 1 };
         let black_box = BlackBox::new(5.0, PERIOD_NS);
-        let keeper = Supervisor::new(ends, maker, heard.clone(), black_box, Status::default(), clock.now_ns());
+        let mut keeper = Supervisor::new(ends, maker, heard.clone(), black_box, Status::default(), clock.now_ns());
+        keeper.watch(settings.numbers());
         let grid = Grid::new(clock.now_ns() + PERIOD_NS, PERIOD_NS);
-        let mut site = Self { machine, keeper, heard, recorded, clock, grid, gain: Arc::default() };
+        let mut site = Self { machine, keeper, heard, recorded, clock, grid, gain: Arc::default(), settings };
         site.periods(3, true);
         site.bring_back();
         site.keeper.order(OrderKind::Start, Cause::Order).unwrap();
@@ -226,6 +231,43 @@ fn flipped(bit: u32) -> String {
     site.periods(400, true);
     let is_recovered = site.machine.phase() == Phase::Holding;
     row("a bit of a gain flips in memory", &site, noticed, "-", is_recovered)
+}
+
+/// Flips a bit of a number where it lies in this process's memory, as a particle does.
+fn strike(number: &f64, bit: usize) {
+    let memory = File::options().read(true).write(true).open("/proc/self/mem").unwrap();
+    let at = (core::ptr::from_ref(number).addr() + bit / 8) as u64;
+    let mut byte = [0];
+    memory.read_exact_at(&mut byte, at).unwrap();
+    memory.write_all_at(&[byte[0] ^ 1 << (bit % 8)], at).unwrap();
+}
+
+/// A bit of a limit flips: the robot is taken from the loop within a second, again and again, until the file is read anew.
+fn struck(number: fn(&Settings) -> &f64, bit: usize) -> String {
+    let clock = ManualClock::new(1_000_000_000);
+    let mut site = Site::playing(&clock);
+    site.periods(600, true);
+    assert_eq!(site.machine.phase(), Phase::Position, "limits that are what they were stop nothing");
+    let (began, before) = (clock.now_ns(), number(&site.settings).to_bits());
+    strike(number(&site.settings), bit);
+    assert_eq!(number(&site.settings).to_bits(), before ^ 1 << bit, "the memory of the limits is struck");
+    let mut noticed = None;
+    for _ in 0..600 {
+        site.periods(1, true);
+        if noticed.is_none() && site.machine.phase() == Phase::Fault {
+            noticed = Some((clock.now_ns() - began) / 1_000_000);
+        }
+    }
+    assert!(noticed.is_some_and(|ms| ms <= 1010), "bit {bit}: {noticed:?}");
+    assert!(site.heard.lines.lock().unwrap().iter().any(|line| line.starts_with("limits have changed in memory (end this daemon")));
+    assert!(site.machine.hal_mut().trip().is_some());
+    site.keeper.order(OrderKind::ClearFault, Cause::Order).unwrap();
+    site.periods(10, true);
+    site.keeper.order(OrderKind::Arm, Cause::Order).unwrap();
+    site.periods(400, true);
+    let told = site.heard.transitions.lock().unwrap().last().cloned().expect("a transition");
+    assert_eq!((site.machine.phase(), told.cause.as_str()), (Phase::Fault, "numbers-changed"), "armed, and taken away again: {told:?}");
+    row("a bit of a limit flips in memory", &site, noticed, "-", false)
 }
 
 /// Whoever writes gets no further for so many periods; how many records found no room.
@@ -312,6 +354,11 @@ fn what_fails_beside_the_loop_ends_as_the_table_says() {
     let mut table = String::from(HEAD);
     // The sign, the exponent and the last bit of the fraction.
     let rows = [63, 54, 0].map(flipped);
+    assert!(rows.iter().all(|row| *row == rows[0]), "{rows:?}");
+    table += &rows[0];
+    // None of these is looked at while this motion plays: nothing but their sum can tell.
+    let axis: fn(&Settings) -> &f64 = |s| &s.axes[0].effort;
+    let rows = [struck(|s| &s.limits.speed[0], 63), struck(|s| &s.limits.gate.jump[2], 54), struck(axis, 0)];
     assert!(rows.iter().all(|row| *row == rows[0]), "{rows:?}");
     table += &rows[0];
     let [(none, short), (some, long)] = [1000, 2400].map(stuck);

@@ -4,11 +4,12 @@
 #[path = "daemon/rig.rs"]
 mod rig;
 
+use pkm_daemon::config::DaemonConfig;
 use pkm_daemon::{Motion, Order, OrderKind, Refusal, Wanted};
 use pkm_hal::cycle::flags;
 use pkm_hal::frame::status;
 use pkm_hal::{Backend, Cause, Clock, ManualClock, Phase, Signal};
-use rig::{Rig, controller, rig};
+use rig::{CONFIG, Rig, controller, rig};
 
 #[test]
 fn nothing_moves_until_it_is_armed_and_every_phase_has_its_cause() {
@@ -233,6 +234,29 @@ fn a_safe_stop_holds_until_it_is_cleared_and_leads_over_when_armed_again() {
     let first = rig.records.iter().rev().find(|r| r.flags & flags::BLENDING != 0).expect("it leads over").tau_sent;
     assert!((0..3).all(|k| (first[k] - before[k]).abs() < 10.0), "{before:?} {first:?}");
     rig.until(Phase::Holding, 3000);
+}
+
+#[test]
+fn a_safe_stop_that_ramps_lets_efforts_fall_evenly_to_none_and_only_clearing_leads_on() {
+    let clock = ManualClock::new(0);
+    let robot = rig::robot("prs3");
+    let ramp = CONFIG.replace("kind      = \"hold\"", "kind      = \"ramp\"\nramp_s    = 0.5");
+    let settings = DaemonConfig::parse(&ramp, "daemon.toml").unwrap().settings(&robot.model, 200.0).unwrap();
+    let mut rig = Rig::new(rig::guarded(&robot, &settings, &[0.14, 0.15, 0.16], &clock), robot, settings, &clock);
+    rig.playing();
+    let begin = rig.records.len();
+    rig.plain(OrderKind::SafeStop).unwrap();
+    rig.periods(150);
+    let first = rig.records[begin].command.tau;
+    assert!(first[..3].iter().all(|tau| tau.abs() > 50.0), "they carry the robot: {first:?}");
+    for (period, record) in rig.records[begin..].iter().enumerate() {
+        let left = (1.0 - period as f64 / 100.0).max(0.0);
+        let gap = (0..3).map(|k| (record.command.tau[k] - left * first[k]).abs()).fold(0.0, f64::max);
+        assert!(gap < 1e-6, "period {period}: {:?} of {first:?}", record.command.tau);
+    }
+    assert_eq!((rig.machine.phase(), rig.arm()), (Phase::SafeStop, Err(Refusal::Phase(Phase::SafeStop))));
+    rig.plain(OrderKind::ClearFault).unwrap();
+    assert_eq!(rig.machine.phase(), Phase::Ready);
 }
 
 #[test]

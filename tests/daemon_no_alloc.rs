@@ -7,6 +7,7 @@ mod counting;
 #[path = "daemon/rig.rs"]
 mod rig;
 
+use pkm_daemon::gate::GateLimits;
 use pkm_daemon::machine::Tick;
 use pkm_daemon::{Motion, Order, OrderKind};
 use pkm_hal::backends::Loopback;
@@ -43,7 +44,9 @@ fn from_arming_to_a_fault_the_loop_never_calls_the_allocator() {
     let robot = robot("prs3");
     let mut settings = settings(&robot);
     // A robot that is where it is wanted to be one period late.
-    (settings.limits.home, settings.limits.gate.stuck) = (None, [1.0; MAX_AXES]);
+    let mut limits = (*settings.limits).clone();
+    (limits.home, limits.gate) = (None, GateLimits { stuck: [1.0; MAX_AXES], ..*limits.gate }.into());
+    settings.limits = limits.into();
     let mut rig = Rig::new(Loopback::new(3, &clock), robot, settings, &clock);
     let mut cost = (0..5).map(|_| period(&mut rig)).sum::<usize>();
     let first = Some(controller(&rig.robot));

@@ -85,7 +85,7 @@ fn looped<P: Pace>(
     };
     let (Lines { mut orders, answers: _answers, transitions: _transitions, heartbeat, .. }, ends) = lines(());
     let LoopEnds { orders: taken, answers, transitions, heartbeat: seen } = ends;
-    let (weigher, limits, records) = (Weigher::new(robot.model.clone()), settings.limits, RefCell::new(Vec::new()));
+    let (weigher, limits, records) = (Weigher::new(robot.model.clone()), settings.limits.clone(), RefCell::new(Vec::new()));
     let sink = Kept(&records);
     let parts = Parts { hal, sink, weigher, wrench: None, limits, orders: taken, answers, transitions, heartbeat: seen };
     let mut machine = Machine::new(parts);

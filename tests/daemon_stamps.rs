@@ -4,10 +4,11 @@
 #[path = "daemon/rig.rs"]
 mod rig;
 
+use pkm_daemon::config::DaemonConfig;
 use pkm_daemon::{Motion, Order, OrderKind};
 use pkm_hal::cycle::flags;
-use pkm_hal::{Backend, Cause, CommandFrame, CycleRecord, HalError, MAX_AXES, ManualClock, Phase, StateFrame};
-use rig::{Guarded, Rig, Wave, guarded, robot, settings};
+use pkm_hal::{Backend, Cause, CommandFrame, CycleRecord, Fault, FaultyHal, HalError, Injection, MAX_AXES, ManualClock, Phase, StateFrame};
+use rig::{CONFIG, Guarded, Rig, Wave, guarded, robot, settings};
 
 const PERIOD_S: f64 = 0.005;
 
@@ -160,4 +161,42 @@ fn a_clock_that_stands_hides_no_jump() {
     let told = *rig.transitions.last().expect("a transition");
     assert_eq!((rig.machine.phase(), told.cause), (Phase::SafeStop, Cause::Stale), "{told:?}");
     assert!(records[..10].iter().all(|record| record.q_dt[0] <= 0.0), "none of them is new");
+}
+
+/// Periods until states begin to be missing, while the motion is at its fastest.
+const LOST_AT: usize = 800;
+
+/// Records from then on of a loop that may act on states for a second, so many of which are missing; the drives hear every command.
+fn lost(missing: u64) -> Vec<CycleRecord> {
+    let clock = ManualClock::new(1_000_000_000);
+    let robot = robot("prs3");
+    let patient = CONFIG.replace("valid_for_s = 0.05", "valid_for_s = 1.0").replace("stale_s     = 0.05", "stale_s = 1.0");
+    let settings = DaemonConfig::parse(&patient, "daemon.toml").expect("it is one").settings(&robot.model, 200.0).expect("it fits");
+    assert_eq!(settings.limits.gate.stale_ns, 1_000_000_000);
+    let script = [Injection { from: LOST_AT as u64, to: LOST_AT as u64 + missing, fault: Fault::Drop }];
+    let hal = FaultyHal::new(guarded(&robot, &settings, &[0.14, 0.15, 0.16], &clock), &script);
+    let mut rig = Rig::new(hal, robot, settings, &clock);
+    rig.playing();
+    rig.periods(LOST_AT + 400 - rig.records.len());
+    assert_eq!(rig.machine.phase(), Phase::Position, "{:?}", rig.transitions.last());
+    rig.records.split_off(LOST_AT)
+}
+
+#[test]
+fn after_states_were_missing_for_a_while_no_command_leaps() {
+    let none = lost(0);
+    let apart = |a: &[f64; MAX_AXES], b: &[f64; MAX_AXES]| (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max);
+    for missing in [3, 5, 50] {
+        let some = lost(missing);
+        assert_eq!(some.iter().filter(|record| record.flags & flags::NEW_STATE == 0).count() as u64, missing);
+        // The wave accelerates by 0.05/2·π² m/s² at most: so far off is a position that is carried on, so far the velocity.
+        let (a, time) = (0.025 * core::f64::consts::PI * core::f64::consts::PI, (missing + 1) as f64 * PERIOD_S);
+        let (q_off, v_off) = (0.5 * a * time * time, a * time);
+        let q = some.iter().zip(&none).map(|(a, b)| apart(&a.q_given, &b.q_given)).fold(0.0, f64::max);
+        assert!(q < q_off + 3e-5, "{missing} missing: {q} m off, {q_off} to be expected");
+        // What the example's controller, at 20 1/s, makes of that, for some 40 kg at each drive.
+        let most = 40.0 * (400.0 * q_off + 40.0 * v_off);
+        let tau = some.iter().zip(&none).map(|(a, b)| apart(&a.command.tau, &b.command.tau)).fold(0.0, f64::max);
+        assert!(tau < most, "{missing} missing: {tau} N off, {most} to be expected");
+    }
 }

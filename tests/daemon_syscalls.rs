@@ -91,7 +91,7 @@ fn child(mode: &str, folder: &Path) -> ! {
         let shared = SharedRobot::try_new(&place, place.lock(Role::Daemon).expect("the lock"), 3, 0).expect("shared memory");
         let hal = Limiter::try_new(shared, &settings.axes).expect("limits");
         let LoopEnds { orders, answers, transitions, heartbeat } = ends;
-        let (weigher, limits) = (Weigher::new(of_loop.model.clone()), settings.limits);
+        let (weigher, limits) = (Weigher::new(of_loop.model.clone()), Arc::clone(&settings.limits));
         let mut machine = Machine::new(Parts { hal, sink, weigher, wrench: None, limits, orders, answers, transitions, heartbeat });
         let mut periods = 0;
         let mut each = |_| {

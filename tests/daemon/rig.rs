@@ -111,7 +111,7 @@ impl<'c, B: Backend> Rig<'c, B> {
         let (sink, source) = ring(4096);
         let (lines, LoopEnds { orders, answers, transitions, heartbeat }) = lines(source);
         let weigher = Weigher::new(robot.model.clone());
-        let (limits, wrench) = (settings.limits, settings.wrench);
+        let (limits, wrench) = (settings.limits.clone(), settings.wrench);
         let machine = Machine::new(Parts { hal, sink, weigher, wrench, limits, orders, answers, transitions, heartbeat });
         let grid = Grid::new(clock.now_ns() + settings.limits.period_ns, settings.limits.period_ns);
         Self {

@@ -1,5 +1,7 @@
 //! Frames as they lie in shared memory, one behind the other, whoever wrote them: what comes of them is bounded, and moves nothing unasked.
 
+use alloc::sync::Arc;
+
 use pkm_daemon::gate::{Gate, GateLimits};
 use pkm_hal::backends::Loopback;
 use pkm_hal::frame::first_bits;
@@ -91,7 +93,7 @@ fn states(bytes: &[u8], is_mended: bool) {
     let (late_ns, stale_ns, ahead_ns) = (3 * PERIOD_NS, 5 * PERIOD_NS, PERIOD_NS);
     let [speed, jump, stuck] = [[1.0; MAX_AXES], [0.01; MAX_AXES], [0.01; MAX_AXES]];
     let limits = GateLimits { late_ns, stale_ns, ahead_ns, speed, jump, stuck };
-    let mut gates = [Gate::new(AXES, limits); 2];
+    let mut gates = [limits; 2].map(|limits| Gate::new(AXES, Arc::new(limits)));
     for given in whole::<{ StateFrame::BYTES }>(bytes) {
         let read = StateFrame::from_bytes(&given);
         assert_eq!(read.to_bytes(), given, "nothing is lost or made up");

@@ -105,7 +105,7 @@ pub fn daemon_toml(bytes: &[u8]) {
 
 /// Limits and watchdog of these settings.
 fn built(settings: &Settings, n: usize) {
-    let Limits { period_ns, safe, gate, .. } = settings.limits;
+    let Limits { period_ns, safe, ref gate, .. } = *settings.limits;
     let clock = ManualClock::new(1);
     let limited = Limiter::try_new(Loopback::new(n, &clock), &settings.axes).expect("limits that were accepted");
     Watchdog::try_new(limited, &clock, WatchdogLimits::of_period(period_ns), safe).expect("a safe action that was accepted");

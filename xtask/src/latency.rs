@@ -10,9 +10,13 @@ use std::process::{Child, Command, Stdio};
 
 use crate::peers::{head, publish};
 use crate::shell::{cargo, root, run, target};
+use crate::viewers::Viewers;
 
 /// Seconds of each measurement.
 const SECONDS: &str = "20";
+
+/// Viewers of a live view, every second of whom reads nothing.
+const VIEWERS: usize = 20;
 
 /// Measures for as long as the first argument says `[s]`, 20 by itself.
 pub(crate) fn latency(rest: &[&str]) -> Result<(), String> {
@@ -22,13 +26,13 @@ pub(crate) fn latency(rest: &[&str]) -> Result<(), String> {
     let pkm = target().join("release/pkm");
     let mut text = head("a daemon at 1 kHz on the 3-PRS, its simulated driver in another process", "as each row says");
     for (name, is_loaded) in [("otherwise idle", false), ("beside one busy loop per core", true)] {
-        println!("   {name}: {} s", 6 * length + 17);
+        println!("   {name}: {} s", 7 * length + 34);
         let load = is_loaded.then(Load::start);
         let doctor = output(Command::new(&pkm).args(["doctor", "--seconds", seconds]))?;
         let table = doctor.find("Wake-ups every").map_or(doctor.as_str(), |at| &doctor[at..]);
-        let pair = pair(&pkm, length)?;
+        let [alone, watched] = [pair(&pkm, length, 0)?, pair(&pkm, length, VIEWERS)?];
         drop(load);
-        text += &format!("\n\nThe machine {name}:\n\n```text\n{}\n\n{}\n```", table.trim_end(), pair.trim_end());
+        text += &format!("\n\nThe machine {name}:\n\n```text\n{}\n\n{alone}\n\n{watched}\n```", table.trim_end());
     }
     publish("latency", &text)
 }
@@ -102,8 +106,18 @@ impl Drop for Side {
     }
 }
 
-/// A daemon and its driver for `length` `[s]` of motion: what both measured.
-fn pair(pkm: &Path, length: u64) -> Result<String, String> {
+/// The port that a daemon's log says its live view has, as soon as it says so.
+fn live_port(log: &Path) -> Result<u16, String> {
+    let port = (0..500).find_map(|_| {
+        std::thread::sleep(Duration::from_millis(20));
+        let told = fs::read_to_string(log).unwrap_or_default();
+        told.lines().find_map(|line| line.strip_prefix("live view at ws://127.0.0.1:")?.trim().parse().ok())
+    });
+    port.ok_or_else(|| format!("no live view within 10 s; see {}", log.display()))
+}
+
+/// A daemon and its driver for `length` `[s]` of motion, looked at by so many: what both measured.
+fn pair(pkm: &Path, length: u64, viewers: usize) -> Result<String, String> {
     let folder = target().join("latency");
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
@@ -117,8 +131,9 @@ fn pair(pkm: &Path, length: u64) -> Result<String, String> {
     };
     let ask = |arguments: &[&str]| output(Command::new(pkm).args(arguments).arg("--config").arg(&config));
     let runs = folder.join("runs").display().to_string();
-    let mut driver = start("driver-sim", &["--seconds", &(length + 15).to_string()])?;
-    let mut daemon = start("daemon", &["--record", &runs, "--seconds", &(length + 10).to_string()])?;
+    let mut driver = start("driver-sim", &["--seconds", &(length + 25).to_string()])?;
+    let mut daemon = start("daemon", &["--record", &runs, "--live", "0", "--seconds", &(length + 20).to_string()])?;
+    let crowd = Viewers::connect(live_port(&folder.join("daemon.log"))?, viewers)?;
     for (phase, order) in [("ready", "arm"), ("holding", "start")] {
         let is_there = (0..500).any(|_| {
             std::thread::sleep(Duration::from_millis(20));
@@ -131,6 +146,8 @@ fn pair(pkm: &Path, length: u64) -> Result<String, String> {
     }
     std::thread::sleep(Duration::from_secs(length));
     let status = ask(&["status"])?;
+    let seen = format!("{viewers} viewers, {} of whom read nothing, the others {:.1} MB", viewers / 2, crowd.read() as f64 * 1e-6);
+    drop(crowd);
     for side in [&mut daemon, &mut driver] {
         side.0.wait().map_err(|e| e.to_string())?;
     }
@@ -141,9 +158,11 @@ fn pair(pkm: &Path, length: u64) -> Result<String, String> {
     let is_wanted = |line: &&str| ["Hz,", "µs", "wake-up", "compute", "end to end"].iter().any(|word| line.contains(word));
     let rows: Vec<&str> = status.lines().filter(is_wanted).collect();
     Ok(format!(
-        "The daemon, microseconds (end to end: age of a state when its answer is handed over):\n{}\nThe driver: {}\nThe recording: {}",
+        "The daemon, {seen}, µs (end to end: age of a state when its answer is handed over):\n{}\nThe driver: {}\nThe recording: {}",
         rows.join("\n"),
         of("driver-sim", "from a state to its answer"),
         of("daemon", "recorded")
-    ))
+    )
+    .trim_end()
+    .to_string())
 }

@@ -17,6 +17,7 @@ mod prerequisites;
 mod python;
 mod shell;
 mod times;
+mod viewers;
 
 use std::process::ExitCode;
 

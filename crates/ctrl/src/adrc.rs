@@ -7,7 +7,7 @@
 use crate::controller::{Command, ConfigError, Controller, Health, Input, clipped, must_be_finite, must_be_usable};
 use crate::fault::{Fault, FaultCode};
 use crate::linear_system;
-use crate::observer::{LinearEso, NonlinearEso};
+use crate::observer::{Gap, LinearEso, NonlinearEso};
 use crate::tracking_differentiator::{TrackingDifferentiator, fhan};
 
 /// Which extended state observer estimates position, velocity and the unknown acceleration.
@@ -68,6 +68,7 @@ pub struct Adrc<const N: usize> {
 pub struct AdrcState<const N: usize> {
     /// Estimates of every drive: position, velocity, unknown acceleration.
     pub z: [[f64; 3]; N],
+    gap: Gap<N>,
     reference: [TrackingDifferentiator; N],
     /// Acceleration of the last input, clipped, without the feed-forward `[m/s² | rad/s²]`.
     a_sent: [f64; N],
@@ -135,8 +136,14 @@ impl<const N: usize> Adrc<N> {
         state.has_started = true;
     }
 
-    fn observe(&self, state: &mut AdrcState<N>, input: &Input<N>) {
+    /// One period, or a new start from the velocities over a gap in the measurements.
+    fn observe(&self, state: &mut AdrcState<N>, input: &Input<N>, over_gap: Option<[f64; N]>) {
         for (k, z) in state.z.iter_mut().enumerate() {
+            if let Some(v) = over_gap {
+                // What was unknown of the acceleration is so still.
+                *z = [input.q_meas[k], v[k], z[2]];
+                continue;
+            }
             match self.config.extended {
                 Extended::Linear { bandwidth } => {
                     let mut drive = LinearEso { z: *z };
@@ -151,8 +158,9 @@ impl<const N: usize> Adrc<N> {
     fn attempt(&self, state: &mut AdrcState<N>, input: &Input<N>) -> Result<Command<N>, Fault> {
         let signals = [&input.q_meas, &input.q_ref, &input.v_ref, &input.a_ref, &input.tau_ff];
         must_be_usable(&signals, input.dt)?;
+        let over_gap = state.gap.ended(input);
         if state.has_started {
-            self.observe(state, input);
+            self.observe(state, input, over_gap);
         } else {
             self.start(state, input);
         }
@@ -183,6 +191,7 @@ impl<const N: usize> Controller<N> for Adrc<N> {
     fn at_rest(&self) -> Self::State {
         AdrcState {
             z: [[0.0; 3]; N],
+            gap: Gap::default(),
             reference: [TrackingDifferentiator::default(); N],
             a_sent: [0.0; N],
             resume: None,

@@ -8,7 +8,7 @@ use pkm_dyn::effects::Robot;
 use crate::controller::{Command, ConfigError, Controller, Health, Input, clipped, must_be_finite, must_be_usable};
 use crate::drive_model::{DriveModel, DriveModelState, NO_ACCELERATION};
 use crate::fault::{Fault, FaultCode};
-use crate::observer::{Sample, VelocityObserver};
+use crate::observer::{Gap, VelocityObserver};
 
 /// Which velocity the friction that is compensated belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -76,6 +76,7 @@ pub struct ComputedTorque<const N: usize, O> {
 pub struct ComputedTorqueState<const N: usize, S> {
     model: DriveModelState,
     observer: S,
+    gap: Gap<N>,
     /// Velocity estimate `[m/s | rad/s]`.
     pub v_hat: [f64; N],
     /// Acceleration of the last command, after saturation `[m/s² | rad/s²]`.
@@ -114,8 +115,7 @@ impl<const N: usize, O: VelocityObserver<N>> ComputedTorque<N, O> {
             self.observer.reset_to(&mut state.observer, &input.q_meas, &[0.0; N]);
             state.has_started = true;
         }
-        let sample = Sample { q_meas: input.q_meas, a_cmd: state.a_sent, tau: state.tau_sent, dt: input.dt };
-        state.v_hat = self.observer.step(&mut state.observer, &sample);
+        state.v_hat = state.gap.observe(&self.observer, &mut state.observer, input, [state.a_sent, state.tau_sent]);
         let a: [f64; N] = core::array::from_fn(|k| {
             input.a_ref[k] + self.config.kd[k] * (input.v_ref[k] - state.v_hat[k]) + self.config.kp[k] * (input.q_ref[k] - input.q_meas[k])
         });
@@ -146,6 +146,7 @@ impl<const N: usize, O: VelocityObserver<N>> Controller<N> for ComputedTorque<N,
         ComputedTorqueState {
             model: self.model.at_rest(),
             observer: self.observer.at_rest(),
+            gap: Gap::default(),
             v_hat: zero,
             a_sent: zero,
             tau_sent: zero,

@@ -10,7 +10,7 @@ use crate::controller::{Command, ConfigError, Controller, Health, Input, clipped
 use crate::drive_model::{DriveModel, DriveModelState, NO_ACCELERATION};
 use crate::error_dynamics::ErrorGains;
 use crate::fault::{Fault, FaultCode};
-use crate::observer::{Sample, VelocityObserver};
+use crate::observer::{Gap, VelocityObserver};
 
 /// Numbers of a [`ComputedTorqueDae`]; arrays have one entry per drive.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,6 +38,7 @@ pub struct ComputedTorqueDae<const N: usize, O> {
 pub struct ComputedTorqueDaeState<const N: usize, S> {
     model: DriveModelState,
     observer: S,
+    gap: Gap<N>,
     /// Voltage of the last command `[V]`.
     pub u: [f64; N],
     /// Velocity estimate `[m/s | rad/s]`.
@@ -97,8 +98,7 @@ impl<const N: usize, O: VelocityObserver<N>> ComputedTorqueDae<N, O> {
             }
         }
         state.e_last = e;
-        let sample = Sample { q_meas: input.q_meas, a_cmd: state.a_sent, tau: state.tau_sent, dt };
-        state.v_hat = self.observer.step(&mut state.observer, &sample);
+        state.v_hat = state.gap.observe(&self.observer, &mut state.observer, input, [state.a_sent, state.tau_sent]);
         let a: [f64; N] = core::array::from_fn(|k| {
             let gains = &self.config.gains[k];
             input.a_ref[k] - (gains.ki * state.integral[k] + gains.kp * e[k] + gains.kv * (input.v_ref[k] - state.v_hat[k]))
@@ -141,6 +141,7 @@ impl<const N: usize, O: VelocityObserver<N>> Controller<N> for ComputedTorqueDae
         ComputedTorqueDaeState {
             model: self.model.at_rest(),
             observer: self.observer.at_rest(),
+            gap: Gap::default(),
             u: zero,
             v_hat: zero,
             integral: zero,

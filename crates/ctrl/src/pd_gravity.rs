@@ -5,6 +5,7 @@
 use crate::controller::{Command, ConfigError, Controller, Health, Input, must_be_usable};
 use crate::fault::{Fault, FaultCode};
 use crate::filter::low_pass_share;
+use crate::observer::Gap;
 
 /// Numbers of a [`PdGravity`]; arrays have one entry per drive.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,6 +32,7 @@ pub struct PdGravity<const N: usize> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PdGravityState<const N: usize> {
     q_last: [f64; N],
+    gap: Gap<N>,
     /// Velocity estimate `[m/s | rad/s]`.
     pub v_hat: [f64; N],
     tau_safe: [f64; N],
@@ -40,7 +42,7 @@ pub struct PdGravityState<const N: usize> {
 
 impl<const N: usize> Default for PdGravityState<N> {
     fn default() -> Self {
-        Self { q_last: [0.0; N], v_hat: [0.0; N], tau_safe: [0.0; N], has_started: false, fault: None }
+        Self { q_last: [0.0; N], gap: Gap::default(), v_hat: [0.0; N], tau_safe: [0.0; N], has_started: false, fault: None }
     }
 }
 
@@ -91,11 +93,13 @@ impl<const N: usize> Controller<N> for PdGravity<N> {
             return Command::faulted(state.tau_safe, state.fault);
         }
         let share = low_pass_share(self.config.filter_s, input.dt);
+        let over_gap = state.gap.ended(input);
         let mut command = Command { tau: [0.0; N], health: Health::default() };
         for k in 0..N {
             // Before the second sample there is no difference: taking the first position for the last one reads as standstill.
             let difference = if state.has_started { (input.q_meas[k] - state.q_last[k]) / input.dt } else { 0.0 };
-            state.v_hat[k] += share * (difference - state.v_hat[k]);
+            let filtered = state.v_hat[k] + share * (difference - state.v_hat[k]);
+            state.v_hat[k] = over_gap.map_or(filtered, |v| v[k]);
             let wanted = input.tau_ff[k]
                 + self.config.kp[k] * (input.q_ref[k] - input.q_meas[k])
                 + self.config.kd[k] * (input.v_ref[k] - state.v_hat[k]);

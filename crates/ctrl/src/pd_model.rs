@@ -6,7 +6,7 @@ use pkm_dyn::effects::Robot;
 use crate::controller::{Command, ConfigError, Controller, Health, Input, clipped, must_be_finite, must_be_usable};
 use crate::drive_model::{DriveModel, DriveModelState};
 use crate::fault::{Fault, FaultCode};
-use crate::observer::{Sample, VelocityObserver};
+use crate::observer::{Gap, VelocityObserver};
 
 /// Numbers of a [`PdModel`]; arrays have one entry per drive.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,6 +32,7 @@ pub struct PdModel<const N: usize, O> {
 pub struct PdModelState<const N: usize, S> {
     model: DriveModelState,
     observer: S,
+    gap: Gap<N>,
     tau_sent: [f64; N],
     a_ref_last: [f64; N],
     tau_safe: [f64; N],
@@ -59,8 +60,7 @@ impl<const N: usize, O: VelocityObserver<N>> PdModel<N, O> {
             state.has_started = true;
         }
         // No acceleration is commanded; the reference's is the best guess of what was sent.
-        let sample = Sample { q_meas: input.q_meas, a_cmd: state.a_ref_last, tau: state.tau_sent, dt: input.dt };
-        let v_hat = self.observer.step(&mut state.observer, &sample);
+        let v_hat = state.gap.observe(&self.observer, &mut state.observer, input, [state.a_ref_last, state.tau_sent]);
         let zero = [0.0; N];
         let weight = self.model.effort(&mut state.model, [&input.q_meas, &zero, &zero], &zero)?;
         let wanted: [f64; N] = core::array::from_fn(|k| {
@@ -82,6 +82,7 @@ impl<const N: usize, O: VelocityObserver<N>> Controller<N> for PdModel<N, O> {
         PdModelState {
             model: self.model.at_rest(),
             observer: self.observer.at_rest(),
+            gap: Gap::default(),
             tau_sent: zero,
             a_ref_last: zero,
             tau_safe: zero,

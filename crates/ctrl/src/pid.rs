@@ -4,7 +4,7 @@
 
 use crate::controller::{Command, ConfigError, Controller, Health, Input, clipped, must_be_finite, must_be_usable};
 use crate::fault::{Fault, FaultCode};
-use crate::observer::{Sample, VelocityObserver};
+use crate::observer::{Gap, VelocityObserver};
 
 /// What happens to the integral while the effort is at its limit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,6 +44,7 @@ pub struct Pid<const N: usize, O> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PidState<const N: usize, S> {
     observer: S,
+    gap: Gap<N>,
     /// Integral term `[N | N·m]`.
     pub integral: [f64; N],
     /// Command to go on from in the first step; none starts the integral at zero.
@@ -87,8 +88,7 @@ impl<const N: usize, O: VelocityObserver<N>> Pid<N, O> {
             state.has_started = true;
         }
         // No acceleration is commanded; the reference's is the best guess of what was sent.
-        let sample = Sample { q_meas: input.q_meas, a_cmd: state.a_ref_last, tau: state.tau_sent, dt };
-        let v_hat = self.observer.step(&mut state.observer, &sample);
+        let v_hat = state.gap.observe(&self.observer, &mut state.observer, input, [state.a_ref_last, state.tau_sent]);
         let error: [f64; N] = core::array::from_fn(|k| input.q_ref[k] - input.q_meas[k]);
         let open: [f64; N] =
             core::array::from_fn(|k| input.tau_ff[k] + self.config.kp[k] * error[k] + self.config.kd[k] * (input.v_ref[k] - v_hat[k]));
@@ -129,6 +129,7 @@ impl<const N: usize, O: VelocityObserver<N>> Controller<N> for Pid<N, O> {
         let zero = [0.0; N];
         PidState {
             observer: self.observer.at_rest(),
+            gap: Gap::default(),
             integral: zero,
             resume: None,
             tau_sent: zero,

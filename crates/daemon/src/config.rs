@@ -6,9 +6,11 @@ mod layout;
 #[cfg(test)]
 mod tests;
 
+use alloc::sync::Arc;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use pkm_ctrl::Numbers;
 use pkm_dyn::model::Model;
 use pkm_hal::{AxisLimits, MAX_AXES, SafeAction, SafeKind};
 
@@ -29,12 +31,12 @@ pub const RATES_HZ: [f64; 2] = [100.0, crate::grid::FASTEST_HZ as f64];
 
 /// Why a file is no daemon's: one line that names file, line, key, value and what is allowed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{file}:{line}: {problem}")]
+#[error("{file}{}: {problem}", .line.map_or(String::new(), |line| format!(":{line}")))]
 pub struct ConfigError {
     /// The file, as given.
     pub file: String,
-    /// Its line, from one; 1 for what concerns the whole.
-    pub line: usize,
+    /// Its line, from one; 1 for what concerns the whole, none where there is no text.
+    pub line: Option<usize>,
     /// Key, value, limit.
     pub problem: String,
 }
@@ -61,9 +63,9 @@ pub struct DaemonConfig {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// Numbers of the loop.
-    pub limits: Limits,
+    pub limits: Arc<Limits>,
     /// Limits between loop and device, one per drive.
-    pub axes: Vec<AxisLimits>,
+    pub axes: Arc<[AxisLimits]>,
     /// Rights that are asked for.
     pub realtime: Policy,
     /// Core that the loop stays on.
@@ -78,13 +80,21 @@ pub struct Settings {
     pub length_s: Option<f64>,
 }
 
+impl Settings {
+    /// The limits, for who looks from outside the loop whether they are still what the file says.
+    #[must_use]
+    pub fn numbers(&self) -> Numbers {
+        Numbers::new(Arc::new((Arc::clone(&self.limits), Arc::clone(&self.axes))))
+    }
+}
+
 /// Name and text of a daemon.toml.
 ///
 /// # Errors
 /// A file that cannot be read, is larger than a megabyte, or no UTF-8.
 pub fn read(path: &Path) -> Result<(String, String), ConfigError> {
     let file = path.display().to_string();
-    let bad = |problem: String| ConfigError { file: file.clone(), line: 1, problem };
+    let bad = |problem: String| ConfigError { file: file.clone(), line: None, problem };
     let mut bytes = Vec::new();
     let opened = std::fs::File::open(path).map_err(|e| bad(e.to_string()))?;
     opened.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(|e| bad(e.to_string()))?;
@@ -103,7 +113,7 @@ impl DaemonConfig {
     pub fn parse(text: &str, file: &str) -> Result<Self, ConfigError> {
         let layout = toml::from_str(text).map_err(|e| {
             let problem = e.message().split_whitespace().collect::<Vec<_>>().join(" ");
-            ConfigError { file: file.to_string(), line: line_of(text, e.span().map_or(0, |s| s.start)), problem }
+            ConfigError { file: file.to_string(), line: Some(line_of(text, e.span().map_or(0, |s| s.start))), problem }
         })?;
         Ok(Self { file: file.to_string(), text: text.to_string(), layout })
     }
@@ -167,7 +177,7 @@ impl DaemonConfig {
     }
 
     fn error(&self, at: usize, problem: String) -> ConfigError {
-        ConfigError { file: self.file.clone(), line: line_of(&self.text, at), problem }
+        ConfigError { file: self.file.clone(), line: Some(line_of(&self.text, at)), problem }
     }
 
     /// What the file says for a robot with this model, whose controller steps `rate_hz` times a second `[Hz]`.
@@ -200,7 +210,16 @@ impl DaemonConfig {
         let (priority, cpu) = (priority as u8, cpu.map(|cpu| cpu as usize));
         let black_box_s = at.number("black_box_s", self.layout.black_box_s.as_ref(), 5.0, [0.1, 600.0], "s")?;
         let (wrench, length_s) = (at.wrench()?, at.length_s()?);
-        Ok(Settings { limits, axes, realtime: self.layout.realtime, cpu, priority, black_box_s, wrench, length_s })
+        Ok(Settings {
+            limits: Arc::new(limits),
+            axes: axes.into(),
+            realtime: self.layout.realtime,
+            cpu,
+            priority,
+            black_box_s,
+            wrench,
+            length_s,
+        })
     }
 }
 
@@ -331,14 +350,14 @@ impl Reader<'_> {
         let own_speed = |k: usize| if speed(k).is_finite() { 0.25 * speed(k) } else { 0.1 };
         let wide = [f64::MIN_POSITIVE, f64::INFINITY];
         let all: [f64; MAX_AXES] = core::array::from_fn(|k| axes.get(k).map_or(0.0, |axis| axis.velocity));
-        let gate = GateLimits {
+        let gate = Arc::new(GateLimits {
             late_ns: nanoseconds(late),
             stale_ns: nanoseconds(stale),
             ahead_ns: nanoseconds(period),
             speed: all,
             jump: self.each("limits.jump", l.jump.as_ref(), |k| 0.01 * self.travel(k), wide)?,
             stuck: self.each("limits.stuck", l.stuck.as_ref(), |k| 0.01 * self.travel(k), wide)?,
-        };
+        });
         let home = self.config.layout.home.as_ref();
         let home = home.map(|home| self.each("home.q", Some(&home.q), |_| 0.0, [f64::MIN, f64::MAX])).transpose()?;
         self.reachable(home.as_ref(), axes)?;

@@ -1,5 +1,7 @@
 //! What is believed of a robot's states: whole frames, in order, of numbers that a robot can have reached.
 
+use alloc::sync::Arc;
+
 use pkm_hal::frame::{first_bits, status};
 use pkm_hal::{Cause, HalError, MAX_AXES, StateFrame};
 
@@ -76,17 +78,18 @@ pub struct Brought {
 }
 
 /// The newest believed state, and what is to be said against it.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Gate {
     n: usize,
-    limits: GateLimits,
+    /// Shared with who watches that they stay what they are.
+    limits: Arc<GateLimits>,
     state: Option<StateFrame>,
-    /// Positions of now: measured, or carried on for a few periods `[m | rad]`.
+    /// Positions of now: measured, or carried on `[m | rad]`.
     q: [f64; MAX_AXES],
     v: [f64; MAX_AXES],
     /// Time from the state before to one that came in this period, by their stamps `[s]`; zero where none came.
     q_dt: f64,
-    carried: u32,
+    is_carried: bool,
     broken: u32,
     jumps: u32,
     offence: Option<Offence>,
@@ -98,7 +101,7 @@ pub struct Gate {
 impl Gate {
     /// A gate for a robot of `n` axes (at most [`MAX_AXES`]).
     #[must_use]
-    pub fn new(n: usize, limits: GateLimits) -> Self {
+    pub fn new(n: usize, limits: Arc<GateLimits>) -> Self {
         let zero = [0.0; MAX_AXES];
         Self {
             n: n.min(MAX_AXES),
@@ -107,7 +110,7 @@ impl Gate {
             q: zero,
             v: zero,
             q_dt: 0.0,
-            carried: 0,
+            is_carried: false,
             broken: 0,
             jumps: 0,
             offence: None,
@@ -165,7 +168,7 @@ impl Gate {
         }
         if !brought.is_new {
             self.counts.repeated += 1;
-            self.carry_on(dt);
+            self.carry_on(now_ns, dt);
         }
         if let Some(state) = &self.state {
             brought.is_late = now_ns.saturating_sub(state.stamp_ns) > self.limits.late_ns;
@@ -195,7 +198,7 @@ impl Gate {
     /// A drive whose measured position stays the same to the last bit while its reference `q_ref` goes far. A period without a new state says
     /// nothing of an encoder: the age of the last one does.
     pub fn stuck(&mut self, q_ref: &[f64; MAX_AXES]) -> Option<Offence> {
-        if self.carried > 0 {
+        if self.is_carried {
             return None;
         }
         let mut found = None;
@@ -283,13 +286,13 @@ impl Gate {
             self.v[k] = past.filter(|v| v.is_finite()).unwrap_or(0.0);
             self.q[k] = frame.q[k];
         }
-        (self.state, self.carried) = (Some(*frame), 0);
+        (self.state, self.is_carried) = (Some(*frame), false);
     }
 
-    /// Positions go on as they went, for no more than a few periods.
-    fn carry_on(&mut self, dt: f64) {
-        if self.carried < SPIKES {
-            self.carried += 1;
+    /// Positions go on as they went for as long as anybody may act on the last ones: a robot that seems to stand would be pushed on.
+    fn carry_on(&mut self, now_ns: u64, dt: f64) {
+        if self.state.is_some_and(|state| now_ns.saturating_sub(state.stamp_ns) <= self.limits.stale_ns) {
+            self.is_carried = true;
             for k in 0..self.n {
                 self.q[k] += self.v[k] * dt;
             }

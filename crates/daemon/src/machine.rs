@@ -25,12 +25,12 @@ use course::{Course, Progress, Time};
 use session::Session;
 
 /// Numbers of a [`Machine`].
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Limits {
     /// Period `[ns]`.
     pub period_ns: u64,
     /// What is believed of states.
-    pub gate: GateLimits,
+    pub gate: Arc<GateLimits>,
     /// Largest force `[N]` and moment `[N·m]` of the environment while anything moves; ∞ where there is no limit.
     pub contact: [f64; 2],
     /// How far a drive may be from its reference `[m | rad]`.
@@ -72,8 +72,8 @@ pub struct Parts<B, S> {
     pub weigher: Weigher,
     /// Number of the wrench sensor in the model, whose six components are the robot's first six sensors; none: no wrench.
     pub wrench: Option<usize>,
-    /// Numbers.
-    pub limits: Limits,
+    /// Numbers; shared, so that who has time can watch that they stay what they are.
+    pub limits: Arc<Limits>,
     /// Orders from outside.
     pub orders: rtrb::Consumer<Order>,
     /// Answers to them.
@@ -112,7 +112,7 @@ pub struct Machine<B, S> {
     sink: S,
     weigher: Weigher,
     wrench_sensor: Option<usize>,
-    limits: Limits,
+    limits: Arc<Limits>,
     orders: rtrb::Consumer<Order>,
     answers: rtrb::Producer<Answer>,
     transitions: rtrb::Producer<Transition>,
@@ -160,8 +160,9 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
     pub fn new(parts: Parts<B, S>) -> Self {
         let n = parts.hal.n_axes().min(MAX_AXES);
         let record = CycleRecord::new(n, parts.hal.n_sensors());
+        let late = LateShare::new(parts.limits.period_ns);
         Self {
-            gate: Gate::new(n, parts.limits.gate),
+            gate: Gate::new(n, Arc::clone(&parts.limits.gate)),
             hal: parts.hal,
             sink: parts.sink,
             weigher: parts.weigher,
@@ -188,7 +189,7 @@ impl<B: Backend, S: CycleSink> Machine<B, S> {
             sent: [0.0; MAX_AXES],
             carried: Carried::default(),
             late_in_a_row: 0,
-            late: LateShare::new(parts.limits.period_ns),
+            late,
             since_reconnect_ns: 0,
             counts: Counts::default(),
             record,

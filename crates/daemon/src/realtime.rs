@@ -5,7 +5,7 @@ use std::io::Write;
 
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::process::{Resource, getrlimit};
-use rustix::thread::{CpuSet, sched_setaffinity};
+use rustix::thread::{CapabilitySet, CpuSet, capabilities, sched_setaffinity};
 use serde::{Deserialize, Serialize};
 
 /// What to do where it is not given.
@@ -94,12 +94,10 @@ fn pin(cpu: usize) -> Result<(), String> {
 }
 
 fn lock_memory() -> Result<(), String> {
-    // With a bound, memory that is asked for later would be refused, threads among it.
-    if let Some(most) = getrlimit(Resource::Memlock).current {
-        let is_root = rustix::process::geteuid().is_root();
-        if !is_root {
-            return Err(format!("the limit is {most} bytes"));
-        }
+    // With a bound, memory that is asked for later would be refused, threads among it; root has one where a container took the right.
+    let is_unbounded = capabilities(None).is_ok_and(|own| own.effective.contains(CapabilitySet::IPC_LOCK));
+    if let (Some(most), false) = (getrlimit(Resource::Memlock).current, is_unbounded) {
+        return Err(format!("the limit is {most} bytes"));
     }
     mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|e| e.to_string())?;
     keep_heap();
@@ -161,5 +159,17 @@ mod tests {
         let outcome = std::thread::spawn(|| claim(Policy::Require, Some(1 << 20), 80)).join().unwrap();
         let missing = outcome.expect_err("no machine has so many cores").missing;
         assert!(missing.iter().any(|line| line.starts_with("core 1048576: no such core")), "{missing:?}");
+    }
+    #[test]
+    fn a_core_that_is_granted_is_the_only_one() {
+        let allowed = rustix::thread::sched_getaffinity(None).unwrap();
+        let last = (0..CpuSet::MAX_CPU).rfind(|&cpu| allowed.is_set(cpu)).unwrap();
+        let pinned = std::thread::spawn(move || {
+            let granted = pin(last);
+            (granted, rustix::thread::sched_getaffinity(None))
+        });
+        let (granted, set) = pinned.join().unwrap();
+        let set = set.unwrap();
+        assert_eq!((granted, set.count(), set.is_set(last)), (Ok(()), 1, true));
     }
 }

@@ -93,6 +93,8 @@ pub struct Supervisor<C, W, R> {
     seen_ns: u64,
     /// Numbers of the controllers that were handed over, with the sums they had then.
     sealed: Vec<(Numbers, u64)>,
+    /// Limits of the loop, likewise.
+    limits: Vec<(Numbers, u64)>,
 }
 
 impl<C, W, R> core::fmt::Debug for Supervisor<C, W, R> {
@@ -119,6 +121,7 @@ impl<C: CycleSource, W: Workshop, R: Reporter> Supervisor<C, W, R> {
             outcomes: VecDeque::new(),
             seen_ns: now_ns,
             sealed: Vec::new(),
+            limits: Vec::new(),
         }
     }
 
@@ -227,12 +230,29 @@ impl<C: CycleSource, W: Workshop, R: Reporter> Supervisor<C, W, R> {
         self.keep_black_box(now_ns, is_last);
     }
 
-    /// Whether controllers still have the numbers they were made of: where not, the robot is taken from the loop.
+    /// Watches over `limits` that the loop shares, from now on.
+    pub fn watch(&mut self, limits: Numbers) {
+        let seal = limits.seal();
+        self.limits.push((limits, seal));
+    }
+
+    /// Whether controllers still have the numbers they were made of, and the loop its limits: where not, the robot is taken from the loop.
     fn check_numbers(&mut self) {
         // What the loop has given back needs no look any more.
         self.sealed.retain(|(numbers, _)| numbers.is_used());
-        if self.phase.is_moving() && self.sealed.iter().any(|(numbers, seal)| numbers.seal() != *seal) {
-            self.reporter.line("numbers of a controller have changed in memory (`pkm order clear-fault` and `arm` read them anew)");
+        if !self.phase.is_moving() {
+            return;
+        }
+        let have_changed = |sealed: &[(Numbers, u64)]| sealed.iter().any(|(numbers, seal)| numbers.seal() != *seal);
+        let told = if have_changed(&self.limits) {
+            Some("limits have changed in memory (end this daemon: only its start reads them anew)")
+        } else if have_changed(&self.sealed) {
+            Some("numbers of a controller have changed in memory (`pkm order clear-fault` and `arm` read them anew)")
+        } else {
+            None
+        };
+        if let Some(told) = told {
+            self.reporter.line(told);
             // A loop that takes no orders now is asked again at the next look.
             let _ = self.order(OrderKind::SafeStop, Cause::Corrupted);
         }

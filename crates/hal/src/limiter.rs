@@ -83,9 +83,9 @@ impl AxisLimits {
 /// The window is that of the state read last through this decorator, and time for the effort rate passes as its stamps do: what the
 /// commander says of time counts for nothing. An effort may fall to zero at any rate.
 #[derive(Debug, Clone)]
-pub struct Limiter<B> {
+pub struct Limiter<B, L = [AxisLimits; MAX_AXES]> {
     inner: B,
-    limits: [AxisLimits; MAX_AXES],
+    limits: L,
     state: Option<StateFrame>,
     /// Efforts sent last.
     sent: [f64; MAX_AXES],
@@ -104,17 +104,34 @@ impl<B: Backend> Limiter<B> {
     /// # Errors
     /// Not one limit for each axis, or a limit that bounds nothing sensible.
     pub fn try_new(inner: B, limits: &[AxisLimits]) -> Result<Self, HalError> {
-        let n = inner.n_axes();
-        if limits.len() != n || n > MAX_AXES {
-            let value = limits.len() as f64;
-            return Err(HalError::Config { axis: 0, what: "number of limits", value, limit: "one for each axis, at most 16" });
-        }
+        check(inner.n_axes(), limits)?;
         let mut all = [AxisLimits::of_effort(0.0); MAX_AXES];
-        for (axis, (to, limit)) in all.iter_mut().zip(limits).enumerate() {
-            limit.check(axis)?;
-            *to = *limit;
-        }
-        Ok(Self { inner, limits: all, state: None, sent: [0.0; MAX_AXES], sent_ns: None, clipped: 0, clips: 0 })
+        all.iter_mut().zip(limits).for_each(|(to, limit)| *to = *limit);
+        Ok(Self::within(inner, all))
+    }
+}
+
+/// One limit for each of `n` axes, each of which bounds something sensible.
+fn check(n: usize, limits: &[AxisLimits]) -> Result<(), HalError> {
+    if limits.len() != n || n > MAX_AXES {
+        let value = limits.len() as f64;
+        return Err(HalError::Config { axis: 0, what: "number of limits", value, limit: "one for each axis, at most 16" });
+    }
+    limits.iter().enumerate().try_for_each(|(axis, limit)| limit.check(axis))
+}
+
+impl<B: Backend, L: AsRef<[AxisLimits]>> Limiter<B, L> {
+    /// Keeps `inner` within limits that are shared with somebody, who may watch that they stay what they are.
+    ///
+    /// # Errors
+    /// As [`Limiter::try_new`].
+    pub fn sharing(inner: B, limits: L) -> Result<Self, HalError> {
+        check(inner.n_axes(), limits.as_ref())?;
+        Ok(Self::within(inner, limits))
+    }
+
+    const fn within(inner: B, limits: L) -> Self {
+        Self { inner, limits, state: None, sent: [0.0; MAX_AXES], sent_ns: None, clipped: 0, clips: 0 }
     }
 
     /// Which axes the last command was clipped on, one bit each.
@@ -146,7 +163,7 @@ impl<B: Backend> Limiter<B> {
         let dt = passed as f64 * 1e-9;
         let mut tau = [0.0; MAX_AXES];
         for (i, tau) in tau.iter_mut().enumerate().take(self.inner.n_axes()) {
-            let limits = &self.limits[i];
+            let limits = &self.limits.as_ref()[i];
             let (low, high) = if limits.bounds_motion() {
                 let state = self.state.as_ref().ok_or(HalError::NoState)?;
                 let (q, v) = (state.measured(Signal::Position, i), state.measured(Signal::Velocity, i));
@@ -164,7 +181,7 @@ impl<B: Backend> Limiter<B> {
     }
 }
 
-impl<B: Backend> Backend for Limiter<B> {
+impl<B: Backend, L: AsRef<[AxisLimits]>> Backend for Limiter<B, L> {
     fn n_axes(&self) -> usize {
         self.inner.n_axes()
     }

@@ -219,6 +219,7 @@ fn serve(args: &Args, setup: &Arc<Setup>) -> Result<ExitCode, Stopped> {
     let black_box = BlackBox::new(setup.settings.black_box_s, limits.period_ns);
     let workshop = FromFiles(Arc::clone(setup));
     let mut keeper = Supervisor::new(ends, workshop, reporter, black_box, status, SystemClock.now_ns());
+    keeper.watch(setup.settings.numbers());
     warn(setup.settings.realtime, &mut keeper);
     if let Some(place) = recording.as_ref().and_then(recording::Recording::seen_at) {
         keeper.reporter_mut().line(&place);

@@ -74,6 +74,7 @@ impl<const N: usize> Controller<N> for AnyLaw<N> {
 /// State of an [`AnyObserver`].
 pub(super) trait ObserverState<const N: usize>: Send {
     fn reset_to(&mut self, q: &[f64; N], v: &[f64; N]);
+    fn resume(&mut self, sample: &Sample<N>, v: &[f64; N]) -> [f64; N];
     fn step(&mut self, sample: &Sample<N>) -> [f64; N];
 }
 
@@ -83,6 +84,10 @@ where
 {
     fn reset_to(&mut self, q: &[f64; N], v: &[f64; N]) {
         self.numbers.reset_to(&mut self.state, q, v);
+    }
+
+    fn resume(&mut self, sample: &Sample<N>, v: &[f64; N]) -> [f64; N] {
+        self.numbers.resume(&mut self.state, sample, v)
     }
 
     fn step(&mut self, sample: &Sample<N>) -> [f64; N] {
@@ -122,6 +127,10 @@ impl<const N: usize> VelocityObserver<N> for AnyObserver<N> {
 
     fn reset_to(&self, state: &mut Self::State, q: &[f64; N], v: &[f64; N]) {
         state.reset_to(q, v);
+    }
+
+    fn resume(&self, state: &mut Self::State, sample: &Sample<N>, v: &[f64; N]) -> [f64; N] {
+        state.resume(sample, v)
     }
 
     fn step(&self, state: &mut Self::State, sample: &Sample<N>) -> [f64; N] {

@@ -8,6 +8,7 @@ use crate::filter::low_pass_share;
 use crate::force::explicit::{check_limits, clipped, stopped};
 use crate::force::pid::usable_dt;
 use crate::force::task::TaskMap;
+use crate::observer::Gap;
 
 /// Numbers of an [`Impedance`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,6 +39,7 @@ pub struct Impedance<const N: usize, const M: usize, K> {
 pub struct ImpedanceState<const N: usize, S> {
     map: S,
     q_last: [f64; N],
+    gap: Gap<N>,
     v_hat: [f64; N],
     tau_safe: [f64; N],
     has_started: bool,
@@ -70,7 +72,8 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>> Controller<N> for Impedan
 
     fn at_rest(&self) -> Self::State {
         let zero = [0.0; N];
-        ImpedanceState { map: self.map.at_rest(), q_last: zero, v_hat: zero, tau_safe: zero, has_started: false, is_faulted: false }
+        let (map, gap) = (self.map.at_rest(), Gap::default());
+        ImpedanceState { map, q_last: zero, gap, v_hat: zero, tau_safe: zero, has_started: false, is_faulted: false }
     }
 
     /// One period. On a fault the command is the last finite feed-forward effort; where the task cannot be known it is the present one.
@@ -85,9 +88,11 @@ impl<const N: usize, const M: usize, K: TaskMap<N, M>> Controller<N> for Impedan
         let c = &self.config;
         let dt = usable_dt(input.dt, c.dt);
         let share = low_pass_share(c.filter_s, dt);
+        let over_gap = state.gap.ended(input);
         for k in 0..N {
             let difference = if state.has_started { (input.q_meas[k] - state.q_last[k]) / dt } else { 0.0 };
-            state.v_hat[k] += share * (difference - state.v_hat[k]);
+            let filtered = state.v_hat[k] + share * (difference - state.v_hat[k]);
+            state.v_hat[k] = over_gap.map_or(filtered, |v| v[k]);
         }
         let (mut tau, mut health) = (input.tau_ff, Health::default());
         if let Some(task) = self.map.at(&mut state.map, &input.q_meas) {

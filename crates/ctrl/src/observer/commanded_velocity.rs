@@ -20,6 +20,11 @@ impl<const N: usize> VelocityObserver<N> for CommandedVelocity {
         *state = Estimate::moving(q, v);
     }
 
+    /// As if there had been no gap: it never looks at positions.
+    fn resume(&self, state: &mut Self::State, sample: &Sample<N>, _v: &[f64; N]) -> [f64; N] {
+        self.step(state, sample)
+    }
+
     fn step(&self, state: &mut Self::State, sample: &Sample<N>) -> [f64; N] {
         if state.has_started {
             state.v = core::array::from_fn(|k| state.v[k] + sample.dt * sample.a_cmd[k]);

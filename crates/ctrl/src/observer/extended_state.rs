@@ -78,6 +78,15 @@ impl<const N: usize> VelocityObserver<N> for ExtendedState<N> {
         *state = ExtendedStateEstimate { drives, has_started: true };
     }
 
+    /// What was missing in the acceleration is still missing.
+    fn resume(&self, state: &mut Self::State, sample: &Sample<N>, v: &[f64; N]) -> [f64; N] {
+        for (k, drive) in state.drives.iter_mut().enumerate() {
+            drive.z = [sample.q_meas[k], v[k], drive.z[2]];
+        }
+        state.has_started = true;
+        *v
+    }
+
     fn step(&self, state: &mut Self::State, sample: &Sample<N>) -> [f64; N] {
         if !state.has_started {
             self.reset_to(state, &sample.q_meas, &[0.0; N]);

@@ -17,7 +17,8 @@
 //! | [`ExtendedState`] | the acceleration sent; estimates what was missing in it | position, velocity, missing acceleration |
 //!
 //! Rates of convergence are given as bandwidths; poles are exact for the `dt` of every sample, also after an overrun. Numbers that are not
-//! finite pass through: the controller above latches a fault.
+//! finite pass through: the controller above latches a fault. Behind a gap in the measurements that it cannot have followed an observer goes
+//! on from the mean speed over it ([`VelocityObserver::resume`]).
 
 mod alpha_beta;
 mod commanded_acceleration;
@@ -25,6 +26,7 @@ mod commanded_velocity;
 mod extended_state;
 mod filtered_derivative;
 mod first_difference;
+mod gap;
 mod kalman;
 mod model_based;
 mod momentum;
@@ -37,6 +39,7 @@ pub use commanded_velocity::CommandedVelocity;
 pub use extended_state::{ExtendedState, ExtendedStateEstimate, LinearEso};
 pub use filtered_derivative::FilteredDerivative;
 pub use first_difference::FirstDifference;
+pub(crate) use gap::Gap;
 pub use kalman::Kalman;
 pub use model_based::{ModelBased, ModelBasedState};
 pub use momentum::{MomentumObserver, MomentumObserverConfig, MomentumObserverState, Outside};
@@ -66,6 +69,13 @@ pub trait VelocityObserver<const N: usize> {
 
     /// Starts anew from positions `q` `[m | rad]` in motion at `v` `[m/s | rad/s]`.
     fn reset_to(&self, state: &mut Self::State, q: &[f64; N], v: &[f64; N]);
+
+    /// Goes on after a gap in the measurements that it cannot have followed, over which drives moved at `v` `[m/s | rad/s]` in the mean;
+    /// the velocities now. Never fails, never allocates.
+    fn resume(&self, state: &mut Self::State, sample: &Sample<N>, v: &[f64; N]) -> [f64; N] {
+        self.reset_to(state, &sample.q_meas, v);
+        *v
+    }
 
     /// Takes one sample; the velocities `[m/s | rad/s]`. Never fails, never allocates.
     fn step(&self, state: &mut Self::State, sample: &Sample<N>) -> [f64; N];

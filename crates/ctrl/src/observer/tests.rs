@@ -6,6 +6,7 @@ use alloc::vec::Vec;
 use pkm_dyn::math;
 
 use super::*;
+use crate::controller::Input;
 
 fn sample(q: f64, a_cmd: f64, dt: f64) -> Sample<1> {
     Sample { q_meas: [q], a_cmd: [a_cmd], tau: [0.0], dt }
@@ -180,4 +181,72 @@ fn numbers_that_cannot_be_used_are_refused() {
     assert!(FilteredDerivative::try_new([-1.0]).is_err());
     let error = AlphaBeta::try_new([20.0, f64::NAN]).expect_err("not a number");
     assert_eq!(error.to_string(), "drive 1: bandwidth = NaN (must be finite and > 0)");
+}
+
+/// Largest errors of the velocity along a sine whose acceleration the observer hears of, before and after positions were missing for so
+/// many periods, carried on meanwhile at the speed of the last two; `way` is one period of the observer.
+fn errors_about_a_gap<O: VelocityObserver<1>>(
+    observer: &O,
+    missing: u32,
+    mut way: impl FnMut(&mut O::State, &Input<1>, [f64; 1]) -> [f64; 1],
+) -> [f64; 2] {
+    let dt = 1e-3;
+    let at = |k: u32| math::sin_cos(3.0 * dt * f64::from(k));
+    let (mut state, mut worst) = (observer.at_rest(), [0.0_f64; 2]);
+    observer.reset_to(&mut state, &[at(0).0], &[3.0]);
+    for k in 1..3000_u32 {
+        // To where the acceleration is largest, and carrying on is worst.
+        let lost = k.saturating_sub(2600);
+        let is_lost = (1..=missing).contains(&lost);
+        let q = if is_lost { at(2600).0 + f64::from(lost) * (at(2600).0 - at(2599).0) } else { at(k).0 };
+        let q_dt = if is_lost { 0.0 } else { dt * f64::from(if lost == missing + 1 { lost } else { 1 }) };
+        let v = way(&mut state, &Input { q_dt, ..Input::standing([q], dt) }, [-9.0 * at(k - 1).0])[0];
+        let after = usize::from(lost > missing);
+        if k > 500 && !is_lost {
+            worst[after] = worst[after].max((v - 3.0 * at(k).1).abs());
+        }
+    }
+    worst
+}
+
+#[test]
+fn velocities_do_not_leap_at_the_end_of_a_gap() {
+    fn check<O: VelocityObserver<1>>(name: &str, observer: &O) -> [f64; 2] {
+        [5, 50].map(|missing| {
+            let mut gap = Gap::default();
+            let way = |state: &mut O::State, input: &Input<1>, a_cmd| gap.observe(observer, state, input, [a_cmd, [0.0]]);
+            let [before, after] = errors_about_a_gap(observer, missing, way);
+            // What the drive, at up to 9 m/s², has changed its velocity by within the gap.
+            let most = before + 9.0 * 1e-3 * f64::from(missing + 1);
+            assert!(after < most, "{name}, {missing} missing: {after}, {most} allowed");
+            most
+        })
+    }
+    check("filtered derivative", &FilteredDerivative::try_new([0.01]).expect("positive"));
+    check("alpha-beta", &AlphaBeta::try_new([100.0]).expect("positive"));
+    check("Kalman", &Kalman::try_new([1e-4], [20.0]).expect("positive"));
+    check("super-twisting", &SuperTwisting::try_new([20.0]).expect("positive"));
+    check("commanded acceleration", &CommandedAcceleration::try_new([100.0], Discretisation::ZeroOrderHold).expect("positive"));
+    check("commanded velocity", &CommandedVelocity);
+    check("extended state", &ExtendedState::try_new([100.0]).expect("positive"));
+    // Taken for the way of one period, the way of a gap is a leap of many times that.
+    let most = check("first difference", &FirstDifference)[1];
+    let one = |state: &mut Estimate<1>, input: &Input<1>, a_cmd: [f64; 1]| {
+        FirstDifference.step(state, &sample(input.q_meas[0], a_cmd[0], input.dt))
+    };
+    let leap = errors_about_a_gap(&FirstDifference, 50, one)[1];
+    assert!(leap > 10.0 * most, "{leap} without, {most} with");
+}
+
+#[test]
+fn a_stall_of_the_loop_is_no_leap_either() {
+    let (mut gap, mut state) = (Gap::default(), Estimate::<1>::default());
+    let mut observe = |q, dt, q_dt| gap.observe(&FirstDifference, &mut state, &Input { q_dt, ..Input::standing([q], dt) }, [[0.0]; 2])[0];
+    for k in 0..4 {
+        let _ = observe(0.7e-3 * f64::from(k), 1e-3, 1e-3);
+    }
+    // Eleven periods passed, of which no more than five are told: the way took eleven.
+    assert!((observe(0.7e-3 * 14.0, 5e-3, 11e-3) - 0.7).abs() < 1e-9);
+    // A way that took as long as was told is left to the observer.
+    assert!((observe(0.7e-3 * 14.0 + 1e-3, 1e-3, 1.2e-3) - 1.0).abs() < 1e-9);
 }

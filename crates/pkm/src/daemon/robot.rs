@@ -5,15 +5,18 @@ use core::sync::atomic::AtomicBool;
 
 use pkm_daemon::config::Settings;
 use pkm_dyn::urdf::Description;
-use pkm_hal::{Backend, HalError, Limiter, MAX_AXES, SystemClock, Watchdog, WatchdogLimits};
+use pkm_hal::{AxisLimits, Backend, HalError, Limiter, MAX_AXES, SystemClock, Watchdog, WatchdogLimits};
 use pkm_sim::sensors::ForceCell;
 use pkm_sim::{ConstrainedOptions, Paced, PlantKind, SimBackend, SimOptions};
 
 use super::brakes::{Braked, Brakes};
 use super::setup::Setup;
 
-/// A simulated robot as a whole HAL: session, watchdog, limits.
-pub(crate) type Simulated = Watchdog<Limiter<Brakes<Paced<Braked, SystemClock>>>, SystemClock>;
+/// A device as a whole HAL: session, watchdog, limits.
+type Guarded<B> = Watchdog<Limiter<B, Arc<[AxisLimits]>>, SystemClock>;
+
+/// A simulated robot as one.
+pub(crate) type Simulated = Guarded<Brakes<Paced<Braked, SystemClock>>>;
 
 /// How long commands may be valid at most, in multiples of what the daemon asks for.
 const HORIZON: u64 = 2;
@@ -33,7 +36,7 @@ pub(crate) fn simulated(setup: &Setup) -> anyhow::Result<Simulated> {
 ///
 /// # Errors
 /// Limits that the device cannot be kept in.
-pub(crate) fn guarded<B: Backend>(device: B, settings: &Settings) -> Result<Watchdog<Limiter<B>, SystemClock>, HalError> {
+pub(crate) fn guarded<B: Backend>(device: B, settings: &Settings) -> Result<Guarded<B>, HalError> {
     let limits = &settings.limits;
     let watched = WatchdogLimits {
         late_ns: limits.gate.late_ns,
@@ -41,7 +44,7 @@ pub(crate) fn guarded<B: Backend>(device: B, settings: &Settings) -> Result<Watc
         ahead_ns: limits.gate.ahead_ns,
         horizon_ns: limits.valid_for_ns.saturating_mul(HORIZON),
     };
-    Watchdog::try_new(Limiter::try_new(device, &settings.axes)?, SystemClock, watched, limits.safe)
+    Watchdog::try_new(Limiter::sharing(device, Arc::clone(&settings.axes))?, SystemClock, watched, limits.safe)
 }
 
 fn plant(robot: &Description, settings: &Settings) -> anyhow::Result<(SimBackend<Braked>, Arc<AtomicBool>)> {

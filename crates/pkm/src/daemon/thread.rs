@@ -92,7 +92,7 @@ pub(super) fn start(setup: Arc<Setup>, place: Place, lock: Lock, sink: Sinks, en
         } else {
             let n = setup.robot.robot.model.n_act();
             let shared = SharedRobot::try_new(&place, lock, n, setup.n_sensors())?;
-            let hal = Limiter::try_new(shared, &setup.settings.axes).map_err(|e| Stopped::new(super::CONFIGURATION, e))?;
+            let hal = Limiter::sharing(shared, Arc::clone(&setup.settings.axes)).map_err(|e| Stopped::new(super::CONFIGURATION, e))?;
             turn(hal, room)
         }
     };
@@ -106,7 +106,7 @@ fn turn<B: Backend>(hal: B, room: Room) -> Result<(), Stopped> {
     let LoopEnds { orders, answers, transitions, heartbeat } = ends;
     let settings = &setup.settings;
     let weigher = Weigher::new(setup.robot.robot.model.clone());
-    let (limits, wrench) = (settings.limits, settings.wrench);
+    let (limits, wrench) = (Arc::clone(&settings.limits), settings.wrench);
     let mut machine = Machine::new(Parts { hal, sink, weigher, wrench, limits, orders, answers, transitions, heartbeat });
     // After everything is made: memory of now is locked with it.
     let _awake: Awake = match claim(settings.realtime, settings.cpu, settings.priority) {

@@ -380,3 +380,28 @@ fn links_that_weigh_nothing_are_named() {
     fs::write(folder.path().join("rig.urdf"), bare.concat()).unwrap();
     assert!(prints(folder.path(), &["check", "rig.toml"]).contains("nothing can be identified"));
 }
+
+#[test]
+fn a_file_that_is_not_there_has_no_line() {
+    let folder = rig();
+    for arguments in [
+        &["check", "nofile.toml"][..],
+        &["simulate", "rig.toml", "--out", "A.csv", "--controller", "nofile.toml"],
+        &["simulate", "rig.toml", "--out", "A.csv", "--world", "nofile.toml"],
+        &["mu", "nofile.toml"],
+        &["daemon", "nofile.toml"],
+        &["daemon", "--check", "nofile.toml"],
+        &["driver-sim", "nofile.toml"],
+        &["order", "arm", "--config", "nofile.toml"],
+        &["status", "--config", "nofile.toml"],
+    ] {
+        let output = pkm(folder.path(), arguments);
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert!(told.lines().count() == 1 && told.contains("nofile.toml: No such file"), "{arguments:?}: {told}");
+        assert!(output.status.code().is_some_and(|code| [2, 74, 78].contains(&code)), "{arguments:?}: {:?}", output.status);
+    }
+    // What is there and cannot be understood has one.
+    fs::write(folder.path().join("bad.toml"), "robot = \"rig.toml\"\ncolour = 3\n").unwrap();
+    let told = String::from_utf8(pkm(folder.path(), &["daemon", "bad.toml"]).stderr).unwrap();
+    assert!(told.starts_with("error: bad.toml:2: "), "{told}");
+}

@@ -1,8 +1,87 @@
 //! `pkm doctor`: what it says, what it measured, and what its exit status means.
 
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::process::Command;
+
 use serde_json::Value;
 
 use crate::fixture::{pkm, refused, rig};
+
+/// Somebody who owns nothing and may nothing, if this is somebody who can become him.
+const NOBODY: &str = "exec setpriv --reuid 65534 --regid 65534 --clear-groups";
+
+/// The same with two of root's rights, as a unit with `AmbientCapabilities=` gives them.
+const WITH_RIGHTS: &str = "--inh-caps +sys_nice,+ipc_lock --ambient-caps +sys_nice,+ipc_lock";
+
+/// `pkm doctor` as started by this line of a shell: what it found of scheduling and memory (state, words, advice), after a look at whether
+/// its exit status, what programs are told and what people are told agree.
+fn examined(program: &str, before: &str) -> [[String; 3]; 2] {
+    let run = |flags: &str| {
+        let script = format!("{before} {program} doctor --seconds 0 --priority 80 {flags}");
+        let output = Command::new("sh").args(["-c", &script]).current_dir("/").output().unwrap();
+        let told = String::from_utf8(output.stdout).unwrap();
+        assert!(output.stderr.is_empty(), "{script}: {}", String::from_utf8_lossy(&output.stderr));
+        (output.status.code(), told)
+    };
+    let ((code, told), (text_code, text)) = (run("--json"), run(""));
+    let told: Value = serde_json::from_str(&told).unwrap();
+    let findings = told["findings"].as_array().unwrap();
+    let is_bad = findings.iter().any(|finding| finding["state"] == "bad");
+    assert_eq!((code, &told["fit"]), (Some(i32::from(is_bad)), &(!is_bad).into()), "{told}");
+    assert_eq!((text_code, text.lines().any(|line| line.starts_with("BAD "))), (code, is_bad), "{text}");
+    ["scheduling", "memory"].map(|what| {
+        let finding = findings.iter().find(|finding| finding["what"] == what).unwrap();
+        let [state, found, advice] = ["state", "found", "advice"].map(|key| finding[key].as_str().unwrap().to_string());
+        assert!(text.contains(&found) && text.contains(&advice), "{text}");
+        [state, found, advice]
+    })
+}
+
+/// The first command of an advice.
+fn command(advice: &str) -> &str {
+    advice.split('`').nth(1).unwrap_or_else(|| panic!("no command in {advice:?}"))
+}
+
+#[test]
+fn rights_that_are_taken_are_missed_and_those_that_are_given_are_found() {
+    let folder = rig();
+    fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
+    let program = folder.path().join("pkm");
+    fs::copy(env!("CARGO_BIN_EXE_pkm"), &program).unwrap();
+    let program = program.to_str().unwrap();
+    let shell = |script: &str| Command::new("sh").args(["-c", script]).output().is_ok_and(|output| output.status.success());
+    // Root's rights are above limits: they are tried as somebody else.
+    let is_root = rustix::process::geteuid().is_root();
+    let nobody = if is_root { NOBODY } else { "exec" };
+    let none = "ulimit -l 64; ulimit -r 0;";
+    let [scheduling, memory] = examined(program, &format!("{none} {nobody}"));
+    assert_eq!([&scheduling[0], &memory[0]], ["bad"; 2]);
+    assert!(scheduling[1].starts_with("SCHED_FIFO 80: Operation not permitted"), "{scheduling:?}");
+    assert_eq!(memory[1], "locked memory: the limit is 65536 bytes: not granted");
+    // Other limits, other numbers; still too little.
+    let less = examined(program, &format!("ulimit -l 16; ulimit -r 0; {nobody}"));
+    assert_eq!(less[1][1], "locked memory: the limit is 16384 bytes: not granted");
+    if is_root && shell(&format!("{NOBODY} {WITH_RIGHTS} true")) {
+        let given = examined(program, &format!("{none} {nobody} {WITH_RIGHTS}"));
+        assert_eq!(given, granted(), "rights are above limits");
+        let half = examined(program, &format!("{none} {nobody} --inh-caps +sys_nice --ambient-caps +sys_nice"));
+        assert_eq!(half, [granted()[0].clone(), memory.clone()], "each by itself");
+    }
+    // What is advised, word for word: where limits can be raised at all.
+    let [fifo, lock] = [&scheduling, &memory].map(|finding| command(&finding[2]));
+    if shell(&format!("{fifo} && {lock}")) {
+        assert_eq!(examined(program, &format!("{fifo}; {lock}; {nobody}")), granted(), "with both advices followed");
+        let half = examined(program, &format!("ulimit -l 64; {fifo}; {nobody}"));
+        assert_eq!(half, [granted()[0].clone(), memory], "with the first followed");
+    } else {
+        println!("advice not followed: nobody here may raise limits (CAP_SYS_RESOURCE)");
+    }
+}
+
+fn granted() -> [[String; 3]; 2] {
+    ["SCHED_FIFO 80: granted", "locked memory: granted"].map(|found| ["good", found, ""].map(str::to_string))
+}
 
 #[test]
 fn a_machine_is_looked_at_and_measured() {
@@ -16,7 +95,7 @@ fn a_machine_is_looked_at_and_measured() {
         of(what);
     }
     // What the kernel itself says.
-    let release = std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap();
+    let release = fs::read_to_string("/proc/sys/kernel/osrelease").unwrap();
     assert_eq!(of("kernel")["found"], release.trim());
     for finding in findings {
         let is_good = finding["state"] == "good";
