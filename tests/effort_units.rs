@@ -1,5 +1,5 @@
-//! Efforts a thousand times too small or too large: recognised by what the model says of the same motion, and by nothing else that may be wrong
-//! with a robot. Real recordings are read through `PKM_DATA`; without it their test says "not run".
+//! Efforts a thousand times too small or too large, and time a thousand times too long: recognised by what the model says of the same motion,
+//! and by nothing else that may be wrong with a robot. Real recordings are read through `PKM_DATA`; without it their test says "not run".
 
 use core::panic::AssertUnwindSafe;
 use core::slice::from_ref;
@@ -8,9 +8,13 @@ use std::path::{Path, PathBuf};
 
 use pkm_diagnose::verdict::Status;
 use pkm_diagnose::{Located, Settings, Watch, diagnose, diagnose_watched};
+use pkm_dyn::Data;
 use pkm_dyn::effects::{Applied, Robot};
+use pkm_dyn::inverse_dynamics::inverse_dynamics;
 use pkm_dyn::urdf::{Description, load, parse};
-use pkm_ident::Recording;
+use pkm_ident::note::Note;
+use pkm_ident::seconds::other_time;
+use pkm_ident::{Recording, identify};
 use pkm_record::ReadOptions;
 use pkm_sim::Scenario;
 
@@ -63,6 +67,30 @@ fn times(r: &Recording, factor: f64, joint: Option<&str>) -> Recording {
     let mut out = r.clone();
     let is_meant = |name: &str| joint.map_or(name.starts_with("tau."), |j| name == format!("tau.{j}"));
     out.signals.iter_mut().filter(|(name, _)| is_meant(name)).for_each(|(_, x)| x.iter_mut().for_each(|x| *x *= factor));
+    out
+}
+
+/// The recording with its clock multiplied.
+fn clock(r: &Recording, factor: f64) -> Recording {
+    let mut out = r.clone();
+    out.time.iter_mut().for_each(|t| *t *= factor);
+    out
+}
+
+/// What a recording would be of a robot that creeps along the same path a thousand times as slowly: its weight alone, and noise.
+fn creeping(robot: &Robot, r: &Recording) -> Recording {
+    let (model, mut out) = (&robot.model, clock(r, 1e3));
+    let mut data = Data::new(model);
+    assert!(pkm_dyn::loops::assemble(model, &mut data).is_closed);
+    let still = vec![0.0; model.n_act()];
+    for i in 0..r.len() {
+        let q: Vec<f64> = model.actuators.iter().map(|&j| r.signals[&format!("q.{}", model.joints[j].name)][i]).collect();
+        assert!(inverse_dynamics(model, &mut data, &q, &still, &still).is_closed);
+        for (k, &j) in model.actuators.iter().enumerate() {
+            let noise = 0.05 * pkm_dyn::math::sin(7919.0 * (i * (k + 1)) as f64);
+            out.signals.get_mut(&format!("tau.{}", model.joints[j].name)).expect("an effort")[i] = data.tau_act[k] + noise;
+        }
+    }
     out
 }
 
@@ -151,6 +179,44 @@ fn the_factor_that_is_told_makes_the_recording_healthy() {
     assert_eq!((mended.status, mended.findings.len()), (Status::Ok, 0), "{}", mended.says);
 }
 
+#[test]
+fn a_clock_in_milliseconds_is_told_and_a_robot_that_creeps_is_not_taken_for_one() {
+    for name in pkm_robots::ALL.iter().map(|r| r.name) {
+        let robot = shipped(name);
+        let r = recorded(
+            &robot,
+            &[("friction_viscous", &robot.robot.model.joints[robot.robot.model.actuators[0]].name, &[("viscous", 1.0)])],
+            6,
+        );
+        for (factor, unit) in [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")] {
+            let says = refusal(&robot, &[clock(&r, factor)], &[]).unwrap_or_else(|| panic!("{name} in {unit} is taken"));
+            let parts = [format!("only when t is divided by {factor} "), format!("is t in {unit}? It must be in seconds")];
+            assert!(
+                says.starts_with("recording unusable: motion6: samples are ") && parts.iter().all(|p| says.contains(p)),
+                "{name}: {says}"
+            );
+        }
+        // However it goes on with so slow a motion, time is not what it has against it.
+        assert_eq!(other_time(&robot.robot, &creeping(&robot.robot, &r)), None, "{name}");
+    }
+}
+
+#[test]
+fn nothing_is_identified_by_a_clock_in_milliseconds() {
+    let robot = shipped("five_bar");
+    let [r, other] = [7, 8].map(|seed| recorded(&robot, &[], seed));
+    let notes = |fit: &Recording, holdout: &Recording| {
+        let found =
+            identify(&robot.robot, from_ref(fit), from_ref(holdout), &Default::default(), &mut |_| {}).expect("readable recordings");
+        let told = found.notes.into_iter().find_map(|n| if let Note::OtherTime(t) = n { Some((t.recording, t.recorded_in)) } else { None });
+        (found.status == pkm_ident::note::Status::NotIdentified, told)
+    };
+    let told = |name: &str| (true, Some((name.to_string(), "milliseconds")));
+    assert_eq!(notes(&clock(&r, 1e3), &other), told("motion7"));
+    assert_eq!(notes(&r, &clock(&other, 1e3)), told("motion8"));
+    assert_eq!(notes(&r, &other), (false, None));
+}
+
 #[expect(clippy::print_stdout, reason = "a test that could not run must say so")]
 fn data() -> Option<PathBuf> {
     let root = std::env::var_os("PKM_DATA").map(PathBuf::from).filter(|p| p.is_dir());
@@ -167,7 +233,7 @@ fn read(path: &Path) -> Recording {
 #[test]
 fn no_real_recording_is_taken_for_one_in_another_unit() {
     let Some(root) = data() else { return };
-    let (mut judged, mut told) = (0, Vec::new());
+    let (mut judged, mut in_milliseconds, mut told) = (0, 0, Vec::new());
     for robot in ["dvrk_mtm", "emps", "servo_xl330", "upv_3prs", "upv_3ups_rpu"] {
         let folder = root.join(robot);
         let description = load(&folder.join("robot.toml")).expect("a readable robot");
@@ -183,6 +249,9 @@ fn no_real_recording_is_taken_for_one_in_another_unit() {
             if refusal(&description, &[times(&r, 1e-3, None)], &[]).is_some_and(|says| says.contains("Multiply by 1000 to have N")) {
                 told.push(format!("{robot}/{}", file.file_name().expect("a name").display()));
             }
+            assert_eq!(other_time(&description.robot, &r), None, "{robot}: {}", r.name);
+            in_milliseconds +=
+                usize::from(other_time(&description.robot, &clock(&r, 1e3)).is_some_and(|t| t.recorded_in == "milliseconds"));
         }
     }
     assert!(judged > 20, "{judged} recordings");
@@ -191,4 +260,6 @@ fn no_real_recording_is_taken_for_one_in_another_unit() {
         assert!(told.iter().any(|t| t == file), "{file} in kN is taken; told: {told:?}");
     }
     assert!(4 * told.len() > 3 * judged, "{} of {judged} told: {told:?}", told.len());
+    // Weight explains the others by either clock.
+    assert!(3 * in_milliseconds >= judged, "{in_milliseconds} of {judged} told in milliseconds");
 }

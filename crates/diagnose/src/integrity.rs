@@ -6,6 +6,7 @@ use pkm_dyn::effects::Robot;
 use pkm_ident::Recording;
 use pkm_ident::degrees::other_positions;
 use pkm_ident::grid::GAP_PERIODS;
+use pkm_ident::seconds::other_time;
 
 use crate::idle;
 
@@ -71,6 +72,7 @@ pub(crate) fn integrity(robot: &Robot, r: &Recording) -> Integrity {
         return out;
     }
     jitter(r, &mut out);
+    out.reasons.extend(other_time(robot, r).iter().map(ToString::to_string));
     out.reasons.extend(other_positions(&robot.model, r).iter().map(ToString::to_string));
     for &j in &robot.model.actuators {
         let joint = &robot.model.joints[j];

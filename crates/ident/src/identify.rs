@@ -3,7 +3,7 @@
 mod instrumental;
 pub(crate) mod preparation;
 mod spread;
-mod units;
+pub(crate) mod units;
 
 use faer::Mat;
 use pkm_dyn::effects::Robot;
@@ -26,6 +26,7 @@ use crate::note::{Note, Status};
 use crate::observation::{Observation, Rows};
 use crate::preprocess::Done;
 use crate::relevant::{Reduction, Step};
+use crate::seconds::other_time;
 use crate::shapes::{Shape, projected};
 use crate::statistics::{Residual, Sandwich, residual_series};
 
@@ -114,6 +115,7 @@ fn all_of_it<'s>(
     if fit.is_empty() {
         return Err(InputError::NoRecording.into());
     }
+    let times: Vec<Note> = fit.iter().chain(holdout).filter_map(|r| other_time(robot, r)).map(Note::OtherTime).collect();
     let Prepared { fit, holdout, mut done, notes } = Prepared::of(robot, [fit, holdout], settings)?;
     let (robot, shapes) = match settings.shapes {
         Shapes::Stated => (robot.clone(), Vec::new()),
@@ -135,7 +137,7 @@ fn all_of_it<'s>(
         judged,
         structure,
         settings,
-        notes: notes.into_iter().chain(shapes.iter().filter(|s| !s.is_shown).map(not_shown)).chain(positions).collect(),
+        notes: times.into_iter().chain(notes).chain(shapes.iter().filter(|s| !s.is_shown).map(not_shown)).chain(positions).collect(),
         usable: Vec::new(),
         recordings: &fit,
         simulate,

@@ -33,6 +33,7 @@ pub mod payload;
 pub mod preprocess;
 pub mod refine;
 pub mod relevant;
+pub mod seconds;
 pub mod shapes;
 pub mod size;
 pub mod spectrum;

@@ -3,6 +3,7 @@
 use core::fmt;
 
 use crate::degrees::OtherPositions;
+use crate::seconds::OtherTime;
 use crate::thousands::OtherUnits;
 
 /// Whether the answer may be used.
@@ -36,6 +37,8 @@ pub enum Note {
     OtherUnits(OtherUnits),
     /// Positions in degrees or millimetres.
     OtherPositions(OtherPositions),
+    /// Time in milliseconds.
+    OtherTime(OtherTime),
     /// Fewer rows than the parameters need.
     FewRows {
         /// Rows of all drives.
@@ -210,6 +213,7 @@ impl Note {
             Self::NoMotion
             | Self::OtherUnits(_)
             | Self::OtherPositions(_)
+            | Self::OtherTime(_)
             | Self::FewRows { .. }
             | Self::Solver { outcome: "failed", .. }
             | Self::NoKnownLoad { .. } => Status::NotIdentified,
@@ -236,6 +240,7 @@ impl fmt::Display for Note {
             Self::NoMotion => write!(f, "no drive moves: nothing can be identified"),
             Self::OtherUnits(found) => write!(f, "{found}"),
             Self::OtherPositions(found) => write!(f, "{found}"),
+            Self::OtherTime(found) => write!(f, "{found}"),
             Self::FewRows { rows, parameters, limit } => {
                 write!(
                     f,

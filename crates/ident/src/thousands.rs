@@ -138,6 +138,11 @@ impl Fit {
 }
 
 impl Seen {
+    /// Correlation with the model, 0 where the efforts are of another size.
+    pub(crate) fn correlation_as_it_is(&self) -> f64 {
+        if is_about(self.plain.factor, 1.0) { self.plain.correlation } else { 0.0 }
+    }
+
     fn is_by(&self, factor: f64) -> bool {
         let weighs = self.weight.is_some_and(|w| is_about(w, factor));
         let is_plain = self.plain.is_by(factor) && (factor > 1.0 || weighs);

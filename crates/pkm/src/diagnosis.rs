@@ -7,7 +7,7 @@ use anyhow::{anyhow, ensure};
 use pkm_diagnose::{ControllerTwin, Diagnosis, InputError, Located, Settings, Verdict, Watch, diagnose_watched};
 use pkm_dyn::effects::Robot;
 use pkm_dyn::urdf::Description;
-use pkm_ident::Recording;
+use pkm_ident::{Recording, seconds};
 use pkm_record::ReadOptions;
 use pkm_sim::SimError;
 
@@ -83,14 +83,10 @@ pub(crate) fn read_recordings(paths: &[PathBuf], topic: Option<&str>) -> anyhow:
     Ok(out)
 }
 
-/// Samples farther apart than this show no motion of a robot `[s]`.
-const SLOW_S: f64 = 0.2;
-
 /// A word on standard error where a clock seems to tell milliseconds.
 fn doubt_the_clock(recording: &Recording) {
-    let steps = recording.len().saturating_sub(1).max(1);
-    let (apart, duration) = (recording.duration() / steps as f64, recording.duration());
-    if apart > SLOW_S {
+    let (apart, duration) = (seconds::apart(recording), recording.duration());
+    if apart > seconds::SLOW_S {
         let told = format!("{} samples in {duration:.0} s, {apart:.3} s apart: are these milliseconds? t is in seconds", recording.len());
         out::line_on_stderr(&out::clean(&format!("note: {}: {told}", recording.name)));
     }

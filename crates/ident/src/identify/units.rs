@@ -19,6 +19,17 @@ struct Series {
 /// # Errors
 /// Loops that do not close along a recording.
 pub(super) fn notes(observation: &Observation<'_>) -> Result<Vec<Note>, InputError> {
+    let model = &observation.robot().model;
+    let all = seen_of(observation)?;
+    let told = observation.motions().iter().zip(&all).flat_map(|(motion, drives)| other_units(model, &motion.name, drives));
+    Ok(told.map(Note::OtherUnits).collect())
+}
+
+/// The efforts of every recording beside the model's, drive by drive.
+///
+/// # Errors
+/// Loops that do not close along a recording.
+pub(crate) fn seen_of(observation: &Observation<'_>) -> Result<Vec<Vec<Option<Seen>>>, InputError> {
     let (model, columns) = (&observation.robot().model, observation.columns());
     let nominal = columns.nominal();
     let own: Vec<[Option<usize>; 4]> = model.actuators.iter().map(|&joint| own_columns(columns, joint)).collect();
@@ -39,12 +50,7 @@ pub(super) fn notes(observation: &Observation<'_>) -> Result<Vec<Note>, InputErr
         };
         observation.each(rows, &mut visit, &mut |_| {})?;
     }
-    let mut out = Vec::new();
-    for (motion, drives) in observation.motions().iter().zip(&all) {
-        let drives: Vec<Option<Seen>> = drives.iter().map(|s| seen(&s.effort, &s.nominal, &s.own)).collect();
-        out.extend(other_units(model, &motion.name, &drives).into_iter().map(Note::OtherUnits));
-    }
-    Ok(out)
+    Ok(all.iter().map(|drives| drives.iter().map(|s| seen(&s.effort, &s.nominal, &s.own)).collect()).collect())
 }
 
 /// Columns of a drive itself: offset, viscous and dry friction, rotor.
