@@ -106,10 +106,17 @@ impl Drop for Side {
     }
 }
 
+/// What is there as soon as it is, for ten seconds at most.
+fn patiently<T>(mut look: impl FnMut() -> Option<T>) -> Option<T> {
+    (0..500).find_map(|_| {
+        std::thread::sleep(Duration::from_millis(20));
+        look()
+    })
+}
+
 /// The port that a daemon's log says its live view has, as soon as it says so.
 fn live_port(log: &Path) -> Result<u16, String> {
-    let port = (0..500).find_map(|_| {
-        std::thread::sleep(Duration::from_millis(20));
+    let port = patiently(|| {
         let told = fs::read_to_string(log).unwrap_or_default();
         told.lines().find_map(|line| line.strip_prefix("live view at ws://127.0.0.1:")?.trim().parse().ok())
     });
@@ -135,13 +142,9 @@ fn pair(pkm: &Path, length: u64, viewers: usize) -> Result<String, String> {
     let mut daemon = start("daemon", &["--record", &runs, "--live", "0", "--seconds", &(length + 20).to_string()])?;
     let crowd = Viewers::connect(live_port(&folder.join("daemon.log"))?, viewers)?;
     for (phase, order) in [("ready", "arm"), ("holding", "start")] {
-        let is_there = (0..500).any(|_| {
-            std::thread::sleep(Duration::from_millis(20));
-            ask(&["status"]).is_ok_and(|status| status.lines().next().is_some_and(|line| line.contains(&format!(": {phase} "))))
-        });
-        if !is_there {
-            return Err(format!("the daemon is not {phase} within 10 s; see {}", folder.display()));
-        }
+        let is_there = |status: String| status.lines().next()?.contains(&format!(": {phase} ")).then_some(());
+        patiently(|| ask(&["status"]).ok().and_then(is_there))
+            .ok_or_else(|| format!("the daemon is not {phase} within 10 s; see {}", folder.display()))?;
         ask(&["order", order])?;
     }
     std::thread::sleep(Duration::from_secs(length));

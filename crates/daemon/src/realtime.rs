@@ -160,6 +160,7 @@ mod tests {
         let missing = outcome.expect_err("no machine has so many cores").missing;
         assert!(missing.iter().any(|line| line.starts_with("core 1048576: no such core")), "{missing:?}");
     }
+
     #[test]
     fn a_core_that_is_granted_is_the_only_one() {
         let allowed = rustix::thread::sched_getaffinity(None).unwrap();

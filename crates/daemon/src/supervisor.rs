@@ -176,10 +176,7 @@ impl<C: CycleSource, W: Workshop, R: Reporter> Supervisor<C, W, R> {
             OrderKind::Stop | OrderKind::SafeStop | OrderKind::ClearFault | OrderKind::Off => {}
         }
         let numbers = [&order.controller, &order.hold].into_iter().flatten().filter_map(|controller| controller.numbers());
-        self.sealed.extend(numbers.map(|numbers| {
-            let seal = numbers.seal();
-            (numbers, seal)
-        }));
+        self.sealed.extend(numbers.map(sealed));
         self.lines.orders.push(order).ok().map(|()| self.last_id)
     }
 
@@ -232,8 +229,7 @@ impl<C: CycleSource, W: Workshop, R: Reporter> Supervisor<C, W, R> {
 
     /// Watches over `limits` that the loop shares, from now on.
     pub fn watch(&mut self, limits: Numbers) {
-        let seal = limits.seal();
-        self.limits.push((limits, seal));
+        self.limits.push(sealed(limits));
     }
 
     /// Whether controllers still have the numbers they were made of, and the loop its limits: where not, the robot is taken from the loop.
@@ -312,4 +308,10 @@ pub struct LoopEnds {
     pub transitions: rtrb::Producer<Transition>,
     /// When the supervisor was last alive.
     pub heartbeat: Arc<AtomicU64>,
+}
+
+/// Numbers with the sum that they have now.
+fn sealed(numbers: Numbers) -> (Numbers, u64) {
+    let seal = numbers.seal();
+    (numbers, seal)
 }

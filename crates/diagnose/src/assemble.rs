@@ -2,11 +2,12 @@
 
 use alloc::collections::BTreeMap;
 
-use pkm_dyn::{Model, math};
+use pkm_dyn::Model;
 
 use crate::alternatives::{alternatives, chain_rivals, rising_cables};
 use crate::columns::Family;
 use crate::commands;
+use crate::confirm::p_value;
 use crate::contest::reading;
 use crate::controller::Replayed;
 use crate::design::View;
@@ -236,12 +237,6 @@ fn finding(work: &Work, fin: &Final, steps: &[Step], (r, pick): (usize, usize), 
         cannot_tell_from: same,
         ..Finding::default()
     }
-}
-
-/// Of the search and the confirmation together: for two independent p-values with product `k`, `k·(1 − ln k)` is one again.
-pub(crate) fn p_value(search: f64, confirm: f64, settings: &Settings) -> f64 {
-    let k = search * confirm;
-    (k * (1.0 - math::ln(k))).clamp(1.0 / (settings.null_runs + 1) as f64, 1.0)
 }
 
 /// Rule of succession over the blocks in which the finding helped, times the chance that it is real at all: how sure it is that this, or what cannot

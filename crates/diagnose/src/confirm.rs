@@ -1,6 +1,5 @@
 //! The confirm set, read once: every pick must help on held-out data more than chance would.
 
-use crate::assemble::p_value;
 use crate::columns::Family;
 use crate::columns::external_force::{acts_in_fitted_only, in_fitted_only};
 use crate::contest::{mean_and_sd, own_columns, surrogates};
@@ -29,9 +28,19 @@ pub(crate) fn confirm(work: &mut Work, band: f64, settings: &Settings, level: f6
 /// Puts the shape in place that did not act in recordings that are only judged on, where a pick has one and the search alone is sure enough.
 fn stays_in_fitted_only(work: &mut Work, pick: usize, settings: &Settings) -> bool {
     let p = &work.picks[pick];
-    let is_so_already = work.candidates[p.candidate].effect_name() == "external_force" && acts_in_fitted_only(&p.variant.values);
-    let twin = if is_so_already { Some(Pick { p_confirm: 1.0, ..p.clone() }) } else { fitted_only(work, p, settings) };
+    let twin = if is_in_fitted_only(work, p) { Some(Pick { p_confirm: 1.0, ..p.clone() }) } else { fitted_only(work, p, settings) };
     twin.map(|twin| work.picks[pick] = twin).is_some()
+}
+
+/// Whether a pick did not act in recordings that are only judged on: nothing in them can tell of it.
+pub(crate) fn is_in_fitted_only(work: &Work, p: &Pick) -> bool {
+    work.candidates[p.candidate].effect_name() == "external_force" && acts_in_fitted_only(&p.variant.values)
+}
+
+/// Of the search and the confirmation together: for two independent p-values with product `k`, `k·(1 − ln k)` is one again.
+pub(crate) fn p_value(search: f64, confirm: f64, settings: &Settings) -> f64 {
+    let k = search * confirm;
+    (k * (1.0 - pkm_dyn::math::ln(k))).clamp(1.0 / (settings.null_runs + 1) as f64, 1.0)
 }
 
 /// The pick as one that did not act in recordings that are only judged on, if there is such a shape and the search alone is sure enough: a push on

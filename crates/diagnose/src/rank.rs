@@ -2,7 +2,7 @@
 
 use crate::chain::refine_chain;
 use crate::columns::Family;
-use crate::columns::external_force::acts_in_fitted_only;
+use crate::confirm::is_in_fitted_only;
 use crate::design::{Chain, View};
 use crate::final_fit::{FinalFit, errors, left_as_given, pooled};
 use crate::prove::drop_pick;
@@ -26,12 +26,9 @@ pub(crate) fn rank_what_helps(work: &mut Work, band: f64, settings: &Settings) -
     let steps = rank(work, band);
     let heldout: Vec<f64> = steps.iter().map(|s| s.heldout).collect();
     let harmful: Vec<usize> = steps[helping(&heldout, settings.floor)..].iter().filter_map(|s| s.pick).collect();
-    let is_harmful = |i: usize| {
-        let p = &work.picks[i];
-        // A push that did not come back is nothing that held-out rows could tell of.
-        let is_push = work.candidates[p.candidate].effect_name() == "external_force" && acts_in_fitted_only(&p.variant.values);
-        !is_push && (harmful.contains(&i) || container(work, i).is_some_and(|lead| harmful.contains(&lead)))
-    };
+    let is_after = |i: usize| harmful.contains(&i) || container(work, i).is_some_and(|lead| harmful.contains(&lead));
+    // A push that did not come back is nothing that held-out rows could tell of.
+    let is_harmful = |i: usize| is_after(i) && !is_in_fitted_only(work, &work.picks[i]);
     let gone: Vec<usize> = (0..work.picks.len()).rev().filter(|&i| is_harmful(i)).collect();
     if gone.is_empty() {
         return steps;

@@ -113,8 +113,8 @@ fn is_taken_into_account(law: &Law) -> bool {
 fn choose_band(raws: &[Raw], recordings: &[(&Recording, Use)]) -> f64 {
     let fitted: Vec<&Raw> = raws.iter().zip(recordings).filter(|(_, (_, used))| *used != Use::Holdout).map(|(raw, _)| raw).collect();
     let joints = 0..fitted.first().map_or(0, |raw| raw.q.len());
-    let fastest = |k: usize| fitted.iter().max_by(|a, b| speed(a, k).total_cmp(&speed(b, k)));
-    let bandwidths = joints.filter_map(|k| fastest(k).map(|raw| spectrum::motion_bandwidth(&raw.q[k], raw.grid.dt)));
+    let fastest = |k: usize| fitted.iter().map(|raw| (speed(raw, k), raw)).max_by(|a, b| a.0.total_cmp(&b.0));
+    let bandwidths = joints.filter_map(|k| fastest(k).map(|(_, raw)| spectrum::motion_bandwidth(&raw.q[k], raw.grid.dt)));
     let mut f: Vec<f64> = bandwidths.filter(|f| *f > 0.0).collect();
     f.sort_by(f64::total_cmp);
     // The lower median: a joint that hunts on its encoder's last bit looks fast and is not.

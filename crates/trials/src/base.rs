@@ -94,19 +94,25 @@ impl Base {
     /// # Errors
     /// When the robot cannot follow any of several.
     pub fn followed(&self, recording: usize, random: &mut Stream) -> Result<(Reference, Trace), RobotError> {
-        let mut draws = 1;
-        loop {
-            let drawn = self.reference(recording, random).and_then(|r| run(&self.machine, &r).map(|trace| (r, trace)));
-            match drawn {
-                Err(_) if draws < DRAWS => draws += 1,
-                drawn => return drawn,
-            }
-        }
+        drawn(|| self.reference(recording, random).and_then(|r| run(&self.machine, &r).map(|trace| (r, trace))))
     }
 }
 
-/// Motions that a robot may fail to follow, at most, before it is given up.
+/// Draws of something that a robot may fail to move with, at most.
 const DRAWS: usize = 20;
+
+/// What `draw` comes to when it first succeeds.
+///
+/// # Errors
+/// The last of [`DRAWS`] errors.
+pub(crate) fn drawn<T>(mut draw: impl FnMut() -> Result<T, RobotError>) -> Result<T, RobotError> {
+    for _ in 1..DRAWS {
+        if let Ok(it) = draw() {
+            return Ok(it);
+        }
+    }
+    draw()
+}
 
 /// What `machine` does along `reference`, at the rate of the recordings.
 ///

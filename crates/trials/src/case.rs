@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::{Base, HOLDOUT, facts, file_name, run, speeds};
+use crate::base::{Base, HOLDOUT, drawn, facts, file_name, run, speeds};
 use crate::bench::{Bench, Found, MEASURED};
 use crate::machine::{Hand, Push, Trace};
 use crate::menu::{Fact, Parameter, Scene, restless};
@@ -245,9 +245,6 @@ pub fn make(wish: &Wish) -> Result<Case, RobotError> {
     Ok(Case { files: files(wish, &robot, &taken, &concealed)?, answer })
 }
 
-/// Draws of something to conceal that the robot may fail to move with, at most.
-const DRAWS: usize = 20;
-
 /// What is concealed, whether a patient moves, and the recordings' motions with it. What suits two motions may be too much for the third, whose
 /// loops then do not close: something else is drawn in its place.
 fn conceal(
@@ -256,19 +253,13 @@ fn conceal(
     (bench, scene): (&Bench<'_>, &Scene<'_>),
     random: &mut Stream,
 ) -> Result<(Vec<Found>, bool, Vec<Trace>), RobotError> {
-    let mut draws = 1;
-    loop {
-        let drawn = bench.conceal(wish, scene, random).and_then(|concealed| {
-            let has_patient = wish.level == Level::L7 && random.chance(0.5);
-            let patient = has_patient.then_some(&scene.facts[0]);
-            let traces = perform((base, references), (wish, &concealed), patient, random)?;
-            Ok((concealed, has_patient, traces))
-        });
-        match drawn {
-            Err(_) if draws < DRAWS => draws += 1,
-            drawn => return drawn,
-        }
-    }
+    drawn(|| {
+        let concealed = bench.conceal(wish, scene, random)?;
+        let has_patient = wish.level == Level::L7 && random.chance(0.5);
+        let patient = has_patient.then_some(&scene.facts[0]);
+        let traces = perform((base, references), (wish, &concealed), patient, random)?;
+        Ok((concealed, has_patient, traces))
+    })
 }
 
 /// The recordings' motions with everything concealed.
