@@ -176,8 +176,11 @@ impl Design {
                 for (s, motion) in motions.iter().enumerate() {
                     let series = source(motion);
                     let (whole, cut) = (sharing.get(s).map(|x| x.whole(&series)), cut(&series, &still[s], sharing.get(s)));
-                    for ((joint, plain), (_, cut)) in whole.unwrap_or(series).into_iter().zip(cut) {
-                        let (plain, cut) = (fine[s].fine(&plain), fine[s].fine(&cut));
+                    let whole = whole.unwrap_or(series);
+                    let raw: Vec<&[f64]> = whole.iter().chain(&cut).map(|(_, x)| x.as_slice()).collect();
+                    let mut plain = fine[s].fine_each(&raw);
+                    let cut = plain.split_off(whole.len());
+                    for (((joint, _), plain), cut) in whole.into_iter().zip(plain).zip(cut) {
                         let at = joints.iter().position(|(j, ..)| *j == joint).unwrap_or_else(|| {
                             joints.push((joint, Pair::default(), false));
                             joints.len() - 1

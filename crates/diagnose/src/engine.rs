@@ -3,6 +3,7 @@
 use pkm_dyn::effects::Robot;
 use pkm_dyn::urdf::Description;
 use pkm_ident::Recording;
+use rayon::prelude::*;
 
 use crate::assemble::assemble;
 use crate::controller::{ControllerTwin, Replayed, replay};
@@ -100,16 +101,20 @@ pub fn diagnose_watched(
     notes.extend(thinned);
     let n = segments.len();
     let mut motions = Vec::with_capacity(n);
-    for (i, s) in segments.into_iter().enumerate() {
-        match motion::motion(robot, s) {
-            Ok(m) => motions.push(m),
+    let mut waiting = segments.into_iter();
+    while motions.len() < n {
+        // As many at a time as there are cores, so that progress can be told between.
+        let some: Vec<_> = waiting.by_ref().take(rayon::current_num_threads()).collect();
+        let made: Result<Vec<_>, _> = some.into_par_iter().map(|s| motion::motion(robot, s)).collect::<Vec<_>>().into_iter().collect();
+        match made {
+            Ok(made) => motions.extend(made),
             Err(open @ InputError::Open { .. }) => {
                 let Some(reason) = gate::other_unit(robot, &all) else { return Err(open) };
                 return Ok(gate::unusable(robot, &all, &[reason], notes));
             }
             Err(other) => return Err(other),
         }
-        watch.progress(0.2 * (i + 1) as f64 / n as f64);
+        watch.progress(0.2 * motions.len() as f64 / n as f64);
     }
     let reasons = [gate::reasons(robot, &motions), gate::clocks(robot, &motions), thousands::reasons(robot, &motions)].concat();
     if !reasons.is_empty() {

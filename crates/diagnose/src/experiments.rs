@@ -10,10 +10,12 @@ use pkm_dyn::math;
 use pkm_dyn::parameters::N_INERTIAL;
 use pkm_ident::KnownLoad;
 use pkm_ident::excitation::{Criterion, Excitation, Settings as Search, excite};
+use rayon::prelude::*;
 
 use crate::isolability::cosine_of;
-use crate::motion::{Motion, motion, top_speed};
+use crate::motion::{Motion, motion_with, top_speed};
 use crate::segment::Segment;
+use crate::sensitivity::Lengths;
 use crate::shelf::Tape;
 use crate::verdict::{EffectAt, Experiment, Finding, Use};
 use crate::work::{Variant, Work};
@@ -52,14 +54,12 @@ pub(crate) fn propose(work: &Work, findings: &mut [Finding], band: f64) {
     }
     let Some(now) = recorded(work, band) else { return };
     let names = names(findings);
-    let seen = |segments: &[&Segment], f: &Finding, a: &EffectAt| -> Option<f64> { angle(work, segments, band, &names, f, a) };
+    let Some(bench) = Bench::new(work, band, &names, &now) else { return };
     let pairs: Vec<(usize, usize)> =
         findings.iter().enumerate().flat_map(|(i, f)| (0..f.cannot_tell_from.len()).map(move |k| (i, k))).collect();
-    let before: Vec<Option<f64>> = angles(work, &[&now], band, &names, findings, &pairs);
-    let mut tried: Vec<(String, Vec<Option<f64>>)> = Vec::new();
-    for i in interventions(work, &now) {
-        tried.push((i.text, angles(work, &[&now, &i.segment], band, &names, findings, &pairs)));
-    }
+    let before: Vec<Option<f64>> = bench.angles(None, findings, &pairs);
+    let with = |i: Intervention| (i.text, bench.angles(Some(i.segment), findings, &pairs));
+    let tried: Vec<(String, Vec<Option<f64>>)> = interventions(work, &now).into_par_iter().map(with).collect();
     let mut searches = SEARCHES;
     for (p, &(i, k)) in pairs.iter().enumerate() {
         let Some(cos_now) = before[p] else { continue };
@@ -75,7 +75,7 @@ pub(crate) fn propose(work: &Work, findings: &mut [Finding], band: f64) {
         searches -= usize::from(is_open);
         if is_open
             && let Some((text, segment)) = optimised(work, &findings[i], &findings[i].cannot_tell_from[k], &now)
-            && let Some(c) = seen(&[&now, &segment], &findings[i], &findings[i].cannot_tell_from[k])
+            && let Some(c) = bench.angles(Some(segment), findings, &[(i, k)])[0]
             && cos_now - c > CHANGE
         {
             options.push((text, c));
@@ -206,7 +206,7 @@ fn moved(work: &Work, now: &Segment) -> Option<Intervention> {
             }
             segment.q[k].iter_mut().for_each(|q| *q += by);
         }
-        motion(work.robot, segment.clone()).ok()?;
+        motion_with(work.robot, segment.clone(), Lengths::Left).ok()?;
         let side = if share > 0.0 { "forward" } else { "back" };
         let text = format!("repeat the motion about another centre, every drive moved {side} by {:.0} % of its travel", 100.0 * SHIFT);
         Some(Intervention { text, segment })
@@ -240,7 +240,7 @@ fn can_carry(work: &Work, segment: &Segment) -> bool {
     let within = |m: &Motion| {
         model.actuators.iter().zip(&m.nominal[0]).all(|(&j, tau)| tau.iter().all(|t| t.abs() <= model.joints[j].limits.effort))
     };
-    motion(work.robot, segment.clone()).is_ok_and(|m| within(&m))
+    motion_with(work.robot, segment.clone(), Lengths::Left).is_ok_and(|m| within(&m))
 }
 
 fn two_digits(x: f64) -> f64 {
@@ -299,35 +299,45 @@ fn sampled(found: &Excitation, now: &Segment) -> Segment {
     out
 }
 
-/// The angle between one finding and one alias along some motions.
-fn angle(work: &Work, segments: &[&Segment], band: f64, names: &[&str], f: &Finding, alias: &EffectAt) -> Option<f64> {
-    let findings = [Finding { cannot_tell_from: vec![alias.clone()], ..f.clone() }];
-    angles(work, segments, band, names, &findings, &[(0, 0)])[0]
+/// What angles between effects are taken from.
+struct Bench<'a> {
+    work: &'a Work<'a>,
+    band: f64,
+    names: &'a [&'a str],
+    /// What wrong lengths would do, where that is to be told apart.
+    lengths: Lengths,
+    /// The recorded motion through the robot.
+    now: Motion,
 }
 
-/// Cosines between findings and their aliases along some motions; `None` where one of them is nothing that columns are made for at one place, or
-/// the robot cannot make the motion.
-fn angles(
-    work: &Work,
-    segments: &[&Segment],
-    band: f64,
-    names: &[&str],
-    findings: &[Finding],
-    pairs: &[(usize, usize)],
-) -> Vec<Option<f64>> {
-    let motions: Result<Vec<Motion>, _> = segments.iter().map(|s| motion(work.robot, (*s).clone())).collect();
-    let Ok(mut motions) = motions else { return vec![None; pairs.len()] };
-    let mut bench = Work::planned(work.robot, &mut motions, band, &work.design.weight, Some(names));
-    bench.kappa = work.kappa;
-    bench.softness = work.softness;
-    let of = |f: &Finding, a: &EffectAt| {
-        let [own, other] = [(&f.effect, &f.place), (&a.effect, &a.place)].map(|(e, p)| candidate(&bench, e, p));
-        let (own, other) = (own?, other?);
-        let shape = nearest_shape(&bench, own, &found_values(work, f))?;
-        let shapes = bench.candidates[other].variants.iter().filter(|v| v.softness.is_none_or(|w| w == bench.softness));
-        Some(shapes.map(|v| cosine_of(&bench, (own, shape), (other, v))).fold(0.0, f64::max))
-    };
-    pairs.iter().map(|&(i, k)| of(&findings[i], &findings[i].cannot_tell_from[k])).collect()
+impl<'a> Bench<'a> {
+    /// None where the robot cannot make the recorded motion.
+    fn new(work: &'a Work<'a>, band: f64, names: &'a [&'a str], now: &Segment) -> Option<Self> {
+        let lengths = if names.contains(&"geometry_error") { Lengths::Taken } else { Lengths::Left };
+        let now = motion_with(work.robot, now.clone(), lengths).ok()?;
+        Some(Self { work, band, names, lengths, now })
+    }
+
+    /// Cosines between findings and their aliases along the recorded motion, and another beside it; `None` where one of them is nothing that
+    /// columns are made for at one place, or the robot cannot make the motion.
+    fn angles(&self, beside: Option<Segment>, findings: &[Finding], pairs: &[(usize, usize)]) -> Vec<Option<f64>> {
+        let (work, mut motions) = (self.work, vec![self.now.clone()]);
+        if let Some(segment) = beside {
+            let Ok(motion) = motion_with(work.robot, segment, self.lengths) else { return vec![None; pairs.len()] };
+            motions.push(motion);
+        }
+        let mut bench = Work::planned(work.robot, &mut motions, self.band, &work.design.weight, Some(self.names));
+        bench.kappa = work.kappa;
+        bench.softness = work.softness;
+        let of = |f: &Finding, a: &EffectAt| {
+            let [own, other] = [(&f.effect, &f.place), (&a.effect, &a.place)].map(|(e, p)| candidate(&bench, e, p));
+            let (own, other) = (own?, other?);
+            let shape = nearest_shape(&bench, own, &found_values(work, f))?;
+            let shapes = bench.candidates[other].variants.iter().filter(|v| v.softness.is_none_or(|w| w == bench.softness));
+            Some(shapes.map(|v| cosine_of(&bench, (own, shape), (other, v))).fold(0.0, f64::max))
+        };
+        pairs.iter().map(|&(i, k)| of(&findings[i], &findings[i].cannot_tell_from[k])).collect()
+    }
 }
 
 fn candidate(work: &Work, effect: &str, place: &[String]) -> Option<usize> {

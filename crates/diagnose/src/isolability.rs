@@ -87,6 +87,15 @@ fn block(c: &Candidate, v: &Variant, free: &[ColumnId]) -> Block {
     Block { own: ids(own), companions: ids(companions) }
 }
 
+/// A shape and what of it is the same in every pair.
+struct Placed<'b> {
+    block: &'b Block,
+    /// Where its own columns are among those in question.
+    at: Vec<usize>,
+    /// Coordinates of what survives of them after inertias and every free column; none where a free column is its own.
+    white: Option<Mat<f64>>,
+}
+
 /// Products of all columns in question, with inertias taken out, and the free columns still in them.
 struct Bench {
     /// Columns in question, free ones last.
@@ -121,53 +130,72 @@ impl Bench {
         ids.iter().filter_map(|id| self.ids.iter().position(|i| i == id)).collect()
     }
 
-    fn is_free(&self, block: &Block) -> bool {
-        block.own.iter().any(|id| self.free.contains(id))
+    fn place<'b>(&self, block: &'b Block) -> Placed<'b> {
+        let at = self.index(&block.own);
+        let is_free = block.own.iter().any(|id| self.free.contains(id));
+        let white = (!is_free).then(|| whitened(&part(&self.all, &at, &at), self.longest(&at)));
+        Placed { block, at, white }
     }
 
-    /// Products among `blocks` after everything that is not theirs is taken out, and the index of each of their columns.
-    fn pair(&self, blocks: &[&Block]) -> (Mat<f64>, Vec<usize>) {
-        let at: Vec<usize> = blocks.iter().flat_map(|b| self.index(&b.own)).collect();
-        if !blocks.iter().any(|b| self.is_free(b)) {
-            return (Mat::from_fn(at.len(), at.len(), |i, j| self.all[(at[i], at[j])]), at);
+    /// Squared length of the longest of some columns.
+    fn longest(&self, at: &[usize]) -> f64 {
+        at.iter().map(|&i| self.raw[i]).fold(0.0, f64::max)
+    }
+
+    /// Products among shapes after everything that is not theirs is taken out, in the order of their columns.
+    fn beside(&self, placed: &[&Placed]) -> Mat<f64> {
+        let at: Vec<usize> = placed.iter().flat_map(|p| p.at.iter().copied()).collect();
+        if placed.iter().all(|p| p.white.is_some()) {
+            return part(&self.all, &at, &at);
         }
-        let is_own = |id: &ColumnId| blocks.iter().any(|b| b.own.contains(id)) && !blocks.iter().any(|b| b.companions.contains(id));
+        let is_own =
+            |id: &ColumnId| placed.iter().any(|p| p.block.own.contains(id)) && !placed.iter().any(|p| p.block.companions.contains(id));
         let rest: Vec<ColumnId> = self.free.iter().copied().filter(|id| !is_own(id)).collect();
-        (without(&self.soft, &at, &self.index(&rest)), at)
+        without(&self.soft, &at, &self.index(&rest))
     }
 
     /// Share of a block's squared length that survives.
-    fn kappa(&self, block: &Block) -> f64 {
-        let (left, at) = self.pair(&[block]);
-        let raw: f64 = at.iter().map(|&i| self.raw[i]).sum();
-        let share = (0..at.len()).map(|i| left[(i, i)]).sum::<f64>() / raw.max(f64::MIN_POSITIVE);
+    fn kappa(&self, placed: &Placed) -> f64 {
+        let left = self.beside(&[placed]);
+        let raw: f64 = placed.at.iter().map(|&i| self.raw[i]).sum();
+        let share = (0..placed.at.len()).map(|i| left[(i, i)]).sum::<f64>() / raw.max(f64::MIN_POSITIVE);
         if share > ROUNDING { share.min(1.0) } else { 0.0 }
     }
 
     /// Cosine of the smallest angle between what survives of two blocks; 0 where nothing does.
-    fn cosine(&self, a: &Block, b: &Block) -> f64 {
-        let (left, at) = self.pair(&[a, b]);
-        let n = a.own.len();
-        let part = |rows: core::ops::Range<usize>, columns: core::ops::Range<usize>| {
-            Mat::from_fn(rows.len(), columns.len(), |i, j| left[(rows.start + i, columns.start + j)])
-        };
-        let whole = at.len();
-        let raw = |range: core::ops::Range<usize>| range.map(|i| self.raw[at[i]]).fold(0.0, f64::max);
-        let (u, v) = (whitened(&part(0..n, 0..n), raw(0..n)), whitened(&part(n..whole, n..whole), raw(n..whole)));
-        if u.ncols() == 0 || v.ncols() == 0 {
-            return 0.0;
+    fn cosine(&self, a: &Placed, b: &Placed) -> f64 {
+        if let (Some(u), Some(v)) = (&a.white, &b.white) {
+            return closest(u, &part(&self.all, &a.at, &b.at), v);
         }
-        let between = u.transpose() * part(0..n, n..whole) * v;
-        between.singular_values().map_or(0.0, |s| s.first().copied().unwrap_or(0.0)).clamp(0.0, 1.0)
+        let left = self.beside(&[a, b]);
+        let (first, second): (Vec<usize>, Vec<usize>) = (0..left.nrows()).partition(|i| *i < a.at.len());
+        let of = |rows: &[usize], at: &[usize]| whitened(&part(&left, rows, rows), self.longest(at));
+        closest(&of(&first, &a.at), &part(&left, &first, &second), &of(&second, &b.at))
     }
+}
+
+/// Largest cosine between two sets of coordinates with these products between their columns.
+fn closest(u: &Mat<f64>, between: &Mat<f64>, v: &Mat<f64>) -> f64 {
+    if u.ncols() == 0 || v.ncols() == 0 {
+        return 0.0;
+    }
+    let between = u.transpose() * between * v;
+    // The only singular value of a single row or column is its length.
+    let largest =
+        if between.nrows().min(between.ncols()) == 1 { between.norm_l2() } else { between.singular_values().map_or(0.0, |s| s[0]) };
+    largest.clamp(0.0, 1.0)
+}
+
+/// Some rows and columns of a matrix.
+fn part(g: &Mat<f64>, rows: &[usize], columns: &[usize]) -> Mat<f64> {
+    Mat::from_fn(rows.len(), columns.len(), |i, j| g[(rows[i], columns[j])])
 }
 
 /// Products among the columns `at` after the columns `out` are taken out of them.
 fn without(g: &Mat<f64>, at: &[usize], out: &[usize]) -> Mat<f64> {
-    let part = |rows: &[usize], columns: &[usize]| Mat::from_fn(rows.len(), columns.len(), |i, j| g[(rows[i], columns[j])]);
-    let with = part(out, at);
-    let imitated = Factor::new(part(out, out), &vec![0.0; out.len()]).solve(&with);
-    part(at, at) - with.transpose() * &imitated
+    let with = part(g, out, at);
+    let imitated = Factor::new(part(g, out, out), &vec![0.0; out.len()]).solve(&with);
+    part(g, at, at) - with.transpose() * &imitated
 }
 
 /// Coordinates in which products `g` are the identity; directions shorter than rounding of `raw` are left out.
@@ -194,9 +222,11 @@ pub(crate) fn isolability(work: &Work) -> Isolability {
     let of_each: Vec<(usize, Vec<Block>)> = (0..work.candidates.len()).map(|c| (c, shapes(work, c))).filter(|s| !s.1.is_empty()).collect();
     let blocks: Vec<Vec<Block>> = of_each.iter().map(|(_, b)| b.clone()).collect();
     let bench = Bench::new(work, &blocks);
+    let placed: Vec<Vec<Placed>> = blocks.par_iter().map(|shapes| shapes.iter().map(|b| bench.place(b)).collect()).collect();
     let effects = of_each
         .iter()
-        .map(|(c, shapes)| {
+        .zip(&placed)
+        .map(|((c, _), shapes)| {
             let candidate = &work.candidates[*c];
             Seen {
                 effect: candidate.effect_name().to_string(),
@@ -206,16 +236,16 @@ pub(crate) fn isolability(work: &Work) -> Isolability {
             }
         })
         .collect();
-    let n = blocks.len();
+    let n = placed.len();
     let upper: Vec<Vec<f64>> =
-        (0..n).into_par_iter().map(|i| (i + 1..n).map(|j| rounded(nearest(&bench, &blocks[i], &blocks[j]))).collect()).collect();
+        (0..n).into_par_iter().map(|i| (i + 1..n).map(|j| rounded(nearest(&bench, &placed[i], &placed[j]))).collect()).collect();
     let at = |i: usize, j: usize| if i < j { upper[i][j - i - 1] } else { upper[j][i - j - 1] };
     let cosines = (0..n).map(|i| (0..n).map(|j| if i == j { 1.0 } else { at(i, j) }).collect()).collect();
     Isolability { prior: work.kappa, effects, cosines }
 }
 
 /// Cosine between two sets of shapes of which any may be true.
-fn nearest(bench: &Bench, a: &[Block], b: &[Block]) -> f64 {
+fn nearest(bench: &Bench, a: &[Placed], b: &[Placed]) -> f64 {
     a.iter().flat_map(|a| b.iter().map(move |b| bench.cosine(a, b))).fold(0.0, f64::max)
 }
 
@@ -228,7 +258,7 @@ pub(crate) fn cosine_of(work: &Work, a: (usize, &Variant), b: (usize, &Variant))
     }
     let blocks = [vec![a], vec![b]];
     let bench = Bench::new(work, &blocks);
-    bench.cosine(&blocks[0][0], &blocks[1][0])
+    bench.cosine(&bench.place(&blocks[0][0]), &bench.place(&blocks[1][0]))
 }
 
 /// Four digits: more would be noise of the motion.

@@ -14,7 +14,7 @@ use crate::held::{Held, followed};
 use crate::nominal;
 use crate::pushed::Pushed;
 use crate::segment::Segment;
-use crate::sensitivity::{Here, Knots, Sensitivity};
+use crate::sensitivity::{Here, Knots, Lengths, Sensitivity};
 use crate::settings::SOFTNESS;
 use crate::shelf::Tape;
 
@@ -108,11 +108,17 @@ struct Pass {
     model: Model,
     data: Data,
     links: Vec<usize>,
+    lengths: Lengths,
     out: Motion,
 }
 
-/// Runs the robot's equations along a segment; `top_speed` `[m/s | rad/s]` per tree joint sets the softness of directions.
+/// Runs the robot's equations along a segment.
 pub(crate) fn motion(robot: &Robot, segment: Segment) -> Result<Motion, InputError> {
+    motion_with(robot, segment, Lengths::Taken)
+}
+
+/// The same, with or without what wrong lengths would do: most of the work where a robot has loops.
+pub(crate) fn motion_with(robot: &Robot, segment: Segment, lengths: Lengths) -> Result<Motion, InputError> {
     let mut model = robot.model.clone();
     if let Some(g) = segment.gravity {
         model.gravity = g.into();
@@ -156,7 +162,7 @@ pub(crate) fn motion(robot: &Robot, segment: Segment) -> Result<Motion, InputErr
         nominal: Vec::new(),
         segment,
     };
-    let mut pass = Pass { model, data, links, out };
+    let mut pass = Pass { model, data, links, lengths, out };
     pass.run()?;
     let mut out = pass.out;
     nominal::fill(robot, &mut out);
@@ -191,7 +197,7 @@ impl Pass {
         let (mut q, mut v, mut a) = (vec![0.0; na], vec![0.0; na], vec![0.0; na]);
         let mut spared = vec![vec![0.0; n]; na];
         let kinds = self.out.channels.iter().map(|c| c.kind).collect();
-        let mut knots = Knots::new(&self.model, kinds, (n, self.out.segment.dt), self.out.segment.band);
+        let mut knots = Knots::new(&self.model, (kinds, self.lengths), (n, self.out.segment.dt), self.out.segment.band);
         self.out.pushed = Pushed::all(&self.model, (n, knots.every()));
         let closure = loops::assemble(&self.model, &mut self.data);
         self.check(&closure, 0)?;

@@ -50,6 +50,15 @@ pub(crate) fn lengths(model: &Model) -> Vec<Length> {
     model.links.iter().map(|l| &l.name).chain(model.loops.iter().map(|l| &l.name)).filter_map(place).collect()
 }
 
+/// Whether sensitivities to lengths are taken as well.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Lengths {
+    /// They are.
+    Taken,
+    /// They are not: nothing is made of them.
+    Left,
+}
+
 /// Takes sensitivities at knots and makes series of them.
 pub(crate) struct Knots {
     every: usize,
@@ -90,11 +99,11 @@ fn effort_beside(model: &Model, data: &mut Data, internal: &[f64]) {
 
 impl Knots {
     /// For a segment of `n_samples` at period `dt` `[s]`, in a band `[Hz]`, with some channels besides the drives.
-    pub(crate) fn new(model: &Model, channels: Vec<Kind>, (n_samples, dt): (usize, f64), band: f64) -> Self {
+    pub(crate) fn new(model: &Model, (channels, wanted): (Vec<Kind>, Lengths), (n_samples, dt): (usize, f64), band: f64) -> Self {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a ratio of two positive rates")]
         let every = ((1.0 / (dt * KNOTS * band)).floor() as usize).clamp(1, (n_samples / 8).max(1));
         let mut longer = Vec::new();
-        if let Some(Law::Geometry(apply)) = find("geometry_error").map(|e| e.law) {
+        if let (Lengths::Taken, Some(Law::Geometry(apply))) = (wanted, find("geometry_error").map(|e| e.law)) {
             for (site, place, _) in lengths(model) {
                 for axis in 0..3 {
                     let mut shift = [0.0; 3];
