@@ -23,7 +23,7 @@ use std::process::ExitCode;
 
 const USAGE: &str = "\
 cargo xtask test [STEP ...]   everything CI runs, in order, up to the first failure; or only the steps named
-cargo xtask long [TEST ...]   the long tier: PKM_LONG=1, the notebooks, every command of the guide, 1200 blind trials, tables into docs/results/; or only the files named (`fuzz`, `daemon`, `notebooks`)
+cargo xtask long [TEST ...]   the long tier: PKM_LONG=1, the notebooks, every command of the guide, 1200 blind trials, tables into docs/results/; or only what is named (a test file such as `fuzz`; `daemon`, `notebooks`, `prove`)
 cargo xtask bench [ARGS ...]  the benches; arguments go to criterion (`-- --quick`, a name)
 cargo xtask peers [ARGS ...]  pkm-dyn and Pinocchio's C++ in one run, into benches/README.md (`--rounds N`)
 cargo xtask slicot [N]        μ beside SLICOT's AB13MD on N problems in one run, into benches/README.md
