@@ -8,7 +8,7 @@
 use pkm_ident::filter::LowPass;
 
 use crate::motion::{Motion, top_speed};
-use crate::settings::{BLOCKS, GIVE, SLOWEST, STANDSTILL};
+use crate::settings::{BLOCKS, STANDSTILL};
 use crate::verdict::Use;
 
 /// Samples of one segment after filtering and decimation.
@@ -110,34 +110,29 @@ impl FineGrid {
     }
 }
 
-/// Raw samples at which friction of each joint is not known, [joint][sample], with the top speed and the travel of each drive over all
-/// recordings: the speed below which a joint stands, and the way after a turn on which friction changes sides, are the joint's and not the
-/// recording's. A margin on both sides covers the smoothing of the velocity: inside it neither speed nor acceleration is known.
-pub(crate) fn standstill(motion: &Motion, (top, travel): (&[f64], &[f64]), band: f64) -> Vec<Vec<bool>> {
+/// Raw samples at which each joint stands still, [joint][sample]. A margin on both sides covers the smoothing of the velocity: inside it
+/// neither speed nor acceleration is known.
+pub(crate) fn standstill(motion: &Motion, band: f64) -> Vec<Vec<bool>> {
     let s = &motion.segment;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a positive time over a positive period")]
     let margin = (0.1 / (band * s.dt)).ceil() as usize;
+    let never = |is_measured: bool| vec![!is_measured; s.valid.len()];
     // A position does not stick; one that is not measured is left out like a standstill.
-    let channels = motion.channels.iter().map(|c| vec![c.measured.is_none(); s.valid.len()]);
-    let joints = s.q.iter().zip(&s.v).zip(top.iter().zip(travel));
-    joints.map(|((q, v), (top, travel))| stands((q, v), *top, GIVE * travel, margin)).chain(channels).collect()
-}
-
-/// The same of one joint that settles `settled` after a turn.
-fn stands((q, v): (&[f64], &[f64]), top: f64, settled: f64, margin: usize) -> Vec<bool> {
-    let own = top_speed(v);
-    let slow = STANDSTILL * top.clamp(own, SLOWEST * own);
-    let mut out = vec![false; v.len()];
-    let mut turned: Option<f64> = None;
-    for i in 0..v.len() {
-        let reverses = i > 0 && v[i] * v[i - 1] < 0.0;
-        if v[i].abs() <= slow || reverses {
-            out[i.saturating_sub(margin)..(i + margin + 1).min(v.len())].fill(true);
-        }
-        turned = if reverses { Some(q[i]) } else { turned.filter(|at| (q[i] - at).abs() < settled) };
-        out[i] |= turned.is_some();
-    }
-    out
+    let channels = motion.channels.iter().map(|c| never(c.measured.is_some()));
+    s.v.iter()
+        .map(|v| {
+            let slow = STANDSTILL * top_speed(v);
+            let mut out = vec![false; v.len()];
+            for i in 0..v.len() {
+                let reverses = i > 0 && v[i] * v[i - 1] < 0.0;
+                if v[i].abs() <= slow || reverses {
+                    out[i.saturating_sub(margin)..(i + margin + 1).min(v.len())].fill(true);
+                }
+            }
+            out
+        })
+        .chain(channels)
+        .collect()
 }
 
 /// Fold of each block of each segment.
@@ -214,46 +209,6 @@ fn is_apart(fold: &dyn Fn(usize) -> Option<usize>, i: usize, guard: usize, n_raw
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Bench;
-
-    #[test]
-    fn a_joint_stands_below_the_same_speed_in_every_recording() {
-        // A sine at 1 Hz is slower than a share s of its top speed for asin(s)/π of a second about each of two turns a period; the margin is a
-        // tenth of the band's period, 0.02 s on either side.
-        let motion = Bench::sine(0.2, 1.0).motion;
-        let own = top_speed(&motion.segment.v[0]);
-        let standing = |top: f64| {
-            let still = standstill(&motion, (&[top], &[0.0]), motion.segment.band).swap_remove(0);
-            still.iter().filter(|s| **s).count() as f64 / still.len() as f64
-        };
-        for (times, share) in [(1.0, 0.01), (4.0, 0.04), (0.2, 0.01), (50.0, 0.1)] {
-            let want = 2.0 * (pkm_dyn::math::asin(share) / core::f64::consts::PI + 2.0 * 0.02);
-            let got = standing(times * own);
-            // A sample or two of 2 ms at each of 20 turns.
-            assert!((got - want).abs() < 0.009, "{times} times as fast: {got} instead of {want}");
-        }
-        assert!(standing(4.0 * own) > standing(own) + 0.01);
-    }
-
-    #[test]
-    fn friction_is_not_known_until_a_joint_has_settled_after_a_turn() {
-        // A triangle of steps of 0.01 m: ten up, ten down, ten up; it turns after 10 and after 20.
-        let v: Vec<f64> = (0..30).map(|i| if (10..20).contains(&i) { -1.0 } else { 1.0 }).collect();
-        let q: Vec<f64> = (0..30)
-            .map(|i: i32| {
-                0.01 * f64::from(if i < 10 {
-                    i
-                } else if i < 20 {
-                    20 - i
-                } else {
-                    i - 20
-                })
-            })
-            .collect();
-        let still = stands((&q, &v), 1.0, 0.035, 0);
-        let when: Vec<usize> = (0..30).filter(|&i| still[i]).collect();
-        assert_eq!(when, [10, 11, 12, 13, 20, 21, 22, 23], "0.035 m after each turn are three steps and the turn itself");
-    }
 
     #[test]
     fn fitted_rows_stay_a_filter_length_away_from_every_other_fold() {

@@ -7,7 +7,6 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use pkm_dyn::math;
 
-use crate::extents::extents;
 use crate::motion::Motion;
 use crate::rows::standstill;
 use crate::settings::BLOCKS;
@@ -168,8 +167,7 @@ impl<'m> Seen<'m> {
         let at: Vec<usize> = (0..n).step_by(every).collect();
         let is_fitted = |i: usize| s.used != Use::Both || (i * BLOCKS / n).is_multiple_of(2);
         let around = |i: usize| i.saturating_sub(every)..(i + every + 1).min(n);
-        let (top, travel) = extents(core::slice::from_ref(motion), s.q.len());
-        let still = standstill(motion, (&top, &travel), s.band);
+        let still = standstill(motion, s.band);
         let counts = still
             .iter()
             .take(s.tau.len())

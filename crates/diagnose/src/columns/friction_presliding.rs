@@ -4,12 +4,12 @@ use pkm_dyn::math;
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
 use crate::motion::Motion;
-use crate::settings::{BLOCKS, GIVE};
+use crate::settings::BLOCKS;
 use crate::verdict::Use;
 
 /// How far the joint gives before it slides, coulomb over stiffness, to try: shares of the travel, a third apart. Where the first fits best,
 /// the joint yields less than these recordings can tell from dry friction that comes at once.
-const SHARES: [f64; 9] = [GIVE, 0.003, 0.004, 0.0053, 0.0071, 0.0095, 0.0127, 0.0169, 0.0225];
+const SHARES: [f64; 9] = [0.00225, 0.003, 0.004, 0.0053, 0.0071, 0.0095, 0.0127, 0.0169, 0.0225];
 
 /// See the catalogue entry of the same name.
 pub(super) struct Effect;
