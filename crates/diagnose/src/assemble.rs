@@ -135,8 +135,6 @@ fn finish(work: &Work) -> Final {
             let unit = explain::unit(work, i, name);
             let tried = match (entry.name, name) {
                 (_, name) if TRIED.contains(&name) => tried_interval(work, i, value),
-                // Of a load that swings; any other value is no shape's.
-                ("joint_elasticity", "stiffness") => tried_interval(work, i, value),
                 // What was tried is how far the joint gives: its level over its stiffness.
                 ("friction_presliding", "stiffness") => {
                     let level = p.variant.values[0] * value;

@@ -176,8 +176,6 @@ fn probes(work: &Work, c: &Candidate, v: &Variant) -> Vec<Probe> {
             ["roll", "pitch"].into_iter().enumerate().map(|(i, parameter)| Probe { parameter, direction: unit(i) }).collect()
         }
         ("friction_stribeck", _) => one("stiction"),
-        // Where the load swings, the stiffness is the shape's own.
-        ("joint_elasticity", [stiffness]) if *stiffness > 0.0 => Vec::new(),
         // Of another power the drag has another unit.
         ("friction_quadratic", [exponent, ..]) if (*exponent - 2.0).abs() > 1e-9 => Vec::new(),
         // A joint that gives very little before it slides looks like plain dry friction: no smallest stiffness can be told.

@@ -55,9 +55,7 @@ fn give_way(robot: &Robot, motion: &mut Motion) {
     for e in &robot.effects {
         let drive = robot.model.actuators.iter().position(|&j| e.is_at_joint(j));
         match (e.entry.law, drive) {
-            (Law::Transmission(Transmission::Spring), Some(k)) => {
-                added.push((1.0 / e.values[0], shift::of_spring(motion, k, e.values[0])));
-            }
+            (Law::Transmission(Transmission::Spring), Some(k)) => added.push((1.0 / e.values[0], shift::of_compliance(motion, k))),
             (Law::Transmission(Transmission::Play), Some(k)) => added.push((e.values[0], shift::of_play(motion, k))),
             (Law::Structure, _) if robot.model.links[e.place].body.is_none() => {
                 added.push((1.0 / e.values[0], shift::of_mounting(motion)));

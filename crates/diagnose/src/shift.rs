@@ -46,43 +46,6 @@ pub(crate) fn of_compliance(m: &Motion, j: usize) -> Vec<Vec<f64>> {
     of_load(m, j, &behind)
 }
 
-/// The same of a transmission of that `stiffness`, on which the load swings: `M·δ̈ + d·δ̇ + k·δ = tau` in place of `k·δ = tau`. Near the resonance and
-/// above it, and after every jump of friction, the two have little in common. Without a load to swing it is [`of_compliance`].
-pub(crate) fn of_spring(m: &Motion, j: usize, stiffness: f64) -> Vec<Vec<f64>> {
-    let mass = swinging(m, j);
-    if mass <= 0.0 || stiffness <= 0.0 {
-        return of_compliance(m, j);
-    }
-    let behind: Vec<f64> = swung(&m.transmitted[j], math::sqrt(stiffness / mass), m.segment.dt).iter().map(|t| -t).collect();
-    of_load(m, j, &behind)
-}
-
-/// Inertia that swings on the transmission of drive `j` while the others hold, mean over a motion `[kg | kg·m²]`.
-pub(crate) fn swinging(m: &Motion, j: usize) -> f64 {
-    let knots = &m.sensitivity.mass[j][j];
-    knots.iter().sum::<f64>() / knots.len().max(1) as f64 - m.rotor[j]
-}
-
-/// Damping ratio of a swinging transmission: steel and grease take a few hundredths, and where the recordings decide is the frequency.
-const DAMPING: f64 = 0.05;
-
-/// `x` behind a resonance at `rate` `[rad/s]`, from rest at the first value. Between samples `x` is a straight line; the bilinear rule keeps the
-/// resonance where it is.
-fn swung(x: &[f64], rate: f64, dt: f64) -> Vec<f64> {
-    let w = math::tan((0.5 * rate * dt).min(1.5));
-    let scale = 1.0 / (1.0 + 2.0 * DAMPING * w + w * w);
-    let (b, a1, a2) = (w * w * scale, 2.0 * (w * w - 1.0) * scale, (1.0 - 2.0 * DAMPING * w + w * w) * scale);
-    let first = x.first().copied().unwrap_or(0.0);
-    let (mut x1, mut x2, mut y1, mut y2) = (first, first, first, first);
-    x.iter()
-        .map(|&x| {
-            let y = b * (x + 2.0 * x1 + x2) - a1 * y1 - a2 * y2;
-            (x2, x1, y2, y1) = (x1, x, y1, y);
-            y
-        })
-        .collect()
-}
-
 /// Per unit of gap of drive `j`'s transmission: the load rests on one end of the play, on the side that passes the effort.
 pub(crate) fn of_play(m: &Motion, j: usize) -> Vec<Vec<f64>> {
     let behind: Vec<f64> = side(&m.transmitted[j]).iter().map(|s| -0.5 * s).collect();
@@ -224,26 +187,6 @@ mod tests {
         // Play of one unit: half of it, to the side that the effort pushes; here the weight always pushes one way.
         let sides = side(&m.transmitted[0]);
         assert!(sides.iter().all(|s| *s < -0.9), "{sides:?}");
-    }
-
-    #[test]
-    fn a_load_swings_on_a_soft_transmission_as_on_a_spring() {
-        // Driven at 0.8 of the resonance a swing is 1/(1 − 0.64) times as large once its own ringing, e^(−0.05·60·3), is gone.
-        let rate = 60.0;
-        let driven: Vec<f64> = (0..4000).map(|i| math::sin(0.8 * rate * 1e-3 * f64::from(i))).collect();
-        let swing = swung(&driven, rate, 1e-3);
-        let top = swing[3000..].iter().fold(0.0_f64, |t, x| t.max(x.abs()));
-        let (real, imaginary) = (1.0 - 0.64, 2.0 * 0.05 * 0.8);
-        let want = 1.0 / math::sqrt(real * real + imaginary * imaginary);
-        assert!((top - want).abs() < 5e-3 * want, "{top} instead of {want}");
-        // Far below it nothing swings, and a load at rest stays there.
-        let slow: Vec<f64> = (0..4000).map(|i| 1.0 - math::cos(1e-3 * f64::from(i))).collect();
-        assert!(slow.iter().zip(swung(&slow, rate, 1e-3)).all(|(x, y)| (x - y).abs() < 5e-3));
-        assert!(swung(&[3.0; 50], rate, 1e-3).iter().all(|x| (x - 3.0).abs() < 1e-12));
-        // A stiff one is what it is without swinging; the slider's load is all but its rotor.
-        let m = pendulum();
-        assert!((swinging(&m, 0) - MASS * LENGTH * LENGTH).abs() < 1e-6);
-        assert_close("stiff", &of_spring(&m, 0, 1e6)[0], &of_compliance(&m, 0)[0], 5e-3);
     }
 
     #[test]
