@@ -105,6 +105,7 @@ pub fn diagnose_watched(
     while motions.len() < n {
         // As many at a time as there are cores, so that progress can be told between.
         let some: Vec<_> = waiting.by_ref().take(rayon::current_num_threads()).collect();
+        // Of several that fail the first is told, so errors are looked for in order and not as they come.
         let made: Result<Vec<_>, _> = some.into_par_iter().map(|s| motion::motion(robot, s)).collect::<Vec<_>>().into_iter().collect();
         match made {
             Ok(made) => motions.extend(made),

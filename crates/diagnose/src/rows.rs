@@ -211,6 +211,16 @@ mod tests {
     use super::*;
 
     #[test]
+    fn series_side_by_side_are_each_what_they_are_alone() {
+        let grid = FineGrid::new(0.002, 5.0);
+        let series = |k: usize| (0..400).map(|i| pkm_dyn::math::sin((0.01 + 0.02 * k as f64) * i as f64) + k as f64).collect::<Vec<f64>>();
+        // Eight, two and one at a time.
+        let raw: Vec<Vec<f64>> = (0..11).map(series).collect();
+        let together = grid.fine_each(&raw.iter().map(Vec::as_slice).collect::<Vec<_>>());
+        assert_eq!(together, raw.iter().map(|x| grid.fine(x)).collect::<Vec<_>>());
+    }
+
+    #[test]
     fn fitted_rows_stay_a_filter_length_away_from_every_other_fold() {
         // Five hundred samples, blocks of fifty: fold 0, held out, folds 1 and 2, and held out again.
         let blocks = [Some(0), None, Some(1), Some(2), None, None, None, None, None, None];
