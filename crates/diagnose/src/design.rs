@@ -7,6 +7,7 @@ use pkm_dyn::effects::{Law, Robot};
 use pkm_ident::filter::{advanced, derivative};
 use rayon::prelude::*;
 
+use crate::extents::extents;
 use crate::motion::{Motion, softness_widths};
 use crate::rows::{FineGrid, Rows, folds, rows, standstill};
 use crate::settings::SOFTNESS;
@@ -102,7 +103,8 @@ impl Design {
         let n_joints = n_drives + motions.first().map_or(0, |m| m.channels.len());
         let fine: Vec<FineGrid> = motions.iter().map(|m| FineGrid::new(m.segment.dt, band)).collect();
         let (folds, n_folds) = folds(motions);
-        let still: Vec<Vec<Vec<bool>>> = motions.iter().map(|m| standstill(m, band)).collect();
+        let (top, _) = extents(motions, n_drives);
+        let still: Vec<Vec<Vec<bool>>> = motions.iter().map(|m| standstill(m, &top, band)).collect();
         let sharing: Vec<Sharing> = motions.iter().zip(&still).filter_map(|(m, still)| Sharing::of(m, still)).collect();
         let mut rows: Vec<Rows> = (0..motions.len()).map(|s| rows(&motions[s], &fine[s], &folds[s], &still[s])).collect();
         if !sharing.is_empty() {

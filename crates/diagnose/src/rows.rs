@@ -8,7 +8,7 @@
 use pkm_ident::filter::LowPass;
 
 use crate::motion::{Motion, top_speed};
-use crate::settings::{BLOCKS, STANDSTILL};
+use crate::settings::{BLOCKS, SLOWEST, STANDSTILL};
 use crate::verdict::Use;
 
 /// Samples of one segment after filtering and decimation.
@@ -110,9 +110,10 @@ impl FineGrid {
     }
 }
 
-/// Raw samples at which each joint stands still, [joint][sample]. A margin on both sides covers the smoothing of the velocity: inside it
+/// Raw samples at which each joint stands still, [joint][sample], with the top speed of each drive over all recordings: the speed below which
+/// friction is not known is the joint's and not the recording's. A margin on both sides covers the smoothing of the velocity: inside it
 /// neither speed nor acceleration is known.
-pub(crate) fn standstill(motion: &Motion, band: f64) -> Vec<Vec<bool>> {
+pub(crate) fn standstill(motion: &Motion, top: &[f64], band: f64) -> Vec<Vec<bool>> {
     let s = &motion.segment;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a positive time over a positive period")]
     let margin = (0.1 / (band * s.dt)).ceil() as usize;
@@ -120,8 +121,10 @@ pub(crate) fn standstill(motion: &Motion, band: f64) -> Vec<Vec<bool>> {
     // A position does not stick; one that is not measured is left out like a standstill.
     let channels = motion.channels.iter().map(|c| never(c.measured.is_some()));
     s.v.iter()
-        .map(|v| {
-            let slow = STANDSTILL * top_speed(v);
+        .zip(top)
+        .map(|(v, top)| {
+            let own = top_speed(v);
+            let slow = STANDSTILL * top.clamp(own, SLOWEST * own);
             let mut out = vec![false; v.len()];
             for i in 0..v.len() {
                 let reverses = i > 0 && v[i] * v[i - 1] < 0.0;
@@ -209,6 +212,26 @@ fn is_apart(fold: &dyn Fn(usize) -> Option<usize>, i: usize, guard: usize, n_raw
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::Bench;
+
+    #[test]
+    fn a_joint_stands_below_the_same_speed_in_every_recording() {
+        // A sine at 1 Hz is slower than a share s of its top speed for asin(s)/π of a second about each of two turns a period; the margin is a
+        // tenth of the band's period, 0.02 s on either side.
+        let motion = Bench::sine(0.2, 1.0).motion;
+        let own = top_speed(&motion.segment.v[0]);
+        let standing = |top: f64| {
+            let still = standstill(&motion, &[top], motion.segment.band).swap_remove(0);
+            still.iter().filter(|s| **s).count() as f64 / still.len() as f64
+        };
+        for (times, share) in [(1.0, 0.01), (4.0, 0.04), (0.2, 0.01), (50.0, 0.1)] {
+            let want = 2.0 * (pkm_dyn::math::asin(share) / core::f64::consts::PI + 2.0 * 0.02);
+            let got = standing(times * own);
+            // A sample or two of 2 ms at each of 20 turns.
+            assert!((got - want).abs() < 0.009, "{times} times as fast: {got} instead of {want}");
+        }
+        assert!(standing(4.0 * own) > standing(own) + 0.01);
+    }
 
     #[test]
     fn series_side_by_side_are_each_what_they_are_alone() {

@@ -106,6 +106,10 @@ pub(crate) const SOFTNESS: [f64; 3] = [0.001, 0.003, 0.01];
 /// A joint slower than this share of its top speed stands still: friction is undetermined there.
 pub(crate) const STANDSTILL: f64 = 0.01;
 
+/// How many times slower than the others a recording may be and still lose no more than what they lose at standstill: of a slower one a tenth of
+/// its own top speed is kept out, or nothing of it would be left.
+pub(crate) const SLOWEST: f64 = 10.0;
+
 /// How far a CAD value may be off, as candidate prior strengths: not at all, a tenth, a half. Cross-validation picks one.
 pub(crate) const PRIORS: [f64; 3] = [0.0, 0.1, 0.5];
 

@@ -7,7 +7,7 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use pkm_dyn::math;
 
-use crate::motion::Motion;
+use crate::motion::{Motion, top_speed};
 use crate::rows::standstill;
 use crate::settings::BLOCKS;
 use crate::verdict::Use;
@@ -167,7 +167,7 @@ impl<'m> Seen<'m> {
         let at: Vec<usize> = (0..n).step_by(every).collect();
         let is_fitted = |i: usize| s.used != Use::Both || (i * BLOCKS / n).is_multiple_of(2);
         let around = |i: usize| i.saturating_sub(every)..(i + every + 1).min(n);
-        let still = standstill(motion, s.band);
+        let still = standstill(motion, &s.v.iter().map(|v| top_speed(v)).collect::<Vec<_>>(), s.band);
         let counts = still
             .iter()
             .take(s.tau.len())
