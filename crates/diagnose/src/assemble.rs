@@ -17,14 +17,14 @@ use crate::explain;
 use crate::final_fit::{FinalFit, errors, jackknife_half_width, left_as_given, noise_floor, pooled};
 use crate::isolability::isolability;
 use crate::leftover::{Views, unexplained};
-use crate::rank::{Step, rank_what_helps};
+use crate::rank::{Step, rank, rank_what_helps};
 use crate::refine::{Parameters, container, refine};
 use crate::regimes;
 use crate::repeatable::look_for_a_person;
 use crate::search::Search;
 use crate::settings::{PRIORS, Settings};
 use crate::variety::different_motions;
-use crate::verdict::{EffectAt, Estimate, Finding, Heldout, HeldoutJoint, InternalEffort, SCHEMA, Status, Verdict};
+use crate::verdict::{EffectAt, Estimate, Finding, Heldout, HeldoutJoint, InternalEffort, LookAlike, PriorGains, SCHEMA, Status, Verdict};
 use crate::work::Work;
 use crate::{experiments, gate, picture, priors, sharing};
 
@@ -56,27 +56,22 @@ pub(crate) fn assemble(
     settings: &Settings,
 ) -> Diagnosis {
     let nominal = left_as_given(work, &work.missing, View::Judge);
-    let mut steps = rank_what_helps(work, band, settings);
-    let order: Vec<usize> = steps.iter().filter_map(|s| s.pick).collect();
+    let by_help = rank_what_helps(work, band, settings);
     let late = chain_rivals(work, band);
     let mut fin = finish(work);
     fin.other = late;
     fin.other.extend(rising_cables(work, &fin.readings));
+    let judged = judge(work, &fin, &by_help, settings);
+    let mut steps = rank(work, &judged.iter().map(|j| j.sure).collect::<Vec<_>>());
+    let order: Vec<usize> = steps.iter().filter_map(|s| s.pick).collect();
     // The chain was iterated since: the last step is the final model itself.
     if let Some(last) = steps.last_mut().filter(|s| s.pick.is_some()) {
         last.heldout = pooled(&errors(work, &fin.left));
     }
     let mut findings = commands::findings(work, mismatches, settings);
     let first = findings.len();
-    findings.extend(order.iter().enumerate().map(|(r, &pick)| finding(work, &fin, &steps, (r, pick), settings)));
+    findings.extend(order.iter().enumerate().map(|(r, &pick)| finding(work, &fin, &steps, (r, &judged[pick]), settings)));
     findings.iter_mut().enumerate().skip(first).for_each(|(r, f)| f.rank = r + 1);
-    for (f, &pick) in findings[first..].iter_mut().zip(&order) {
-        let gains = priors::gains(work, pick, settings);
-        f.says += &priors::sentence(&gains, settings.floor);
-        let left = f.heldout_rms_after / f.heldout_rms_before.max(f64::MIN_POSITIVE);
-        f.confidence *= priors::likeness(work, pick, &gains, (1.0 - left * left, settings.floor));
-        f.depends_on_prior = Some(gains);
-    }
     experiments::propose(work, &mut findings[first..], band);
     let mut refined = refine(work, bare, &fin.readings, &|id| fin.fit.coefficient(id));
     commands::refine(&mut refined, work, mismatches);
@@ -207,34 +202,68 @@ fn contribution(work: &Work, fit: &FinalFit, pick: usize) -> Left {
     out
 }
 
-fn finding(work: &Work, fin: &Final, steps: &[Step], (r, pick): (usize, usize), settings: &Settings) -> Finding {
-    let p = &work.picks[pick];
-    let c = &work.candidates[p.candidate];
-    let (mut same, mut look_alikes) = alternatives(work, pick);
-    let is_said = |a: &EffectAt| same.iter().any(|s| s.effect == a.effect && s.place == a.place);
-    let more: Vec<EffectAt> = fin.other.iter().filter(|(p, a)| *p == pick && !is_said(a)).map(|(_, a)| a.clone()).collect();
-    same.extend(more);
-    look_alikes.retain(|l| !same.iter().any(|s| s.effect == l.effect && s.place == l.place));
+/// How sure a pick is, and why it may be another.
+struct Judged {
+    pick: usize,
+    p_value: f64,
+    /// What it cannot be told from.
+    same: Vec<EffectAt>,
+    look_alikes: Vec<LookAlike>,
+    gains: PriorGains,
+    /// Its confidence.
+    sure: f64,
+}
+
+/// Judges every pick, by pick; `steps` are the order in which they help most.
+fn judge(work: &mut Work, fin: &Final, steps: &[Step], settings: &Settings) -> Vec<Judged> {
+    let picks = 0..work.picks.len();
+    let judge = |pick: usize| {
+        let (mut same, mut look_alikes) = alternatives(work, pick);
+        let is_said = |a: &EffectAt| same.iter().any(|s| s.effect == a.effect && s.place == a.place);
+        let more: Vec<EffectAt> = fin.other.iter().filter(|(p, a)| *p == pick && !is_said(a)).map(|(_, a)| a.clone()).collect();
+        same.extend(more);
+        look_alikes.retain(|l| !same.iter().any(|s| s.effect == l.effect && s.place == l.place));
+        let gains = priors::gains(work, pick, settings);
+        let [before, after] = around(steps, pick);
+        let left = after / before.max(f64::MIN_POSITIVE);
+        let p = &work.picks[pick];
+        let p_value = p_value(p.p_search, p.p_confirm, settings);
+        let likeness = priors::likeness(work, pick, &gains, (1.0 - left * left, settings.floor));
+        let sure = confidence(work, p.wins, p_value, fin.motions) / (1 + same.len()) as f64 * likeness;
+        Judged { pick, p_value, same, look_alikes, gains, sure }
+    };
+    picks.map(judge).collect()
+}
+
+/// Held-out error before and after a pick is added; a part of another's law is added with that.
+fn around(steps: &[Step], pick: usize) -> [f64; 2] {
+    let pairs = steps.iter().zip(steps.iter().skip(1));
+    pairs.filter(|(_, s)| s.pick == Some(pick)).map(|(before, s)| [before.heldout, s.heldout]).next().unwrap_or([1.0, 1.0])
+}
+
+fn finding(work: &Work, fin: &Final, steps: &[Step], (r, judged): (usize, &Judged), settings: &Settings) -> Finding {
+    let &Judged { pick, p_value, ref same, ref look_alikes, gains, sure } = judged;
+    let c = &work.candidates[work.picks[pick].candidate];
     let (regime, when) = regimes::of_pick(work, pick, &fin.parts[pick], &fin.left);
     let parameters = fin.estimates[pick].clone();
-    let [before, after] = [steps[r].heldout, steps[r + 1].heldout];
-    let p_value = p_value(p.p_search, p.p_confirm, settings);
+    let [before, after] = [&steps[r], &steps[r + 1]];
     Finding {
         rank: r + 1,
         effect: c.effect_name().to_string(),
         place: c.places(&work.robot.model),
         regime,
         when,
-        confidence: confidence(work, p.wins, p_value, fin.motions) / (1 + same.len()) as f64,
+        confidence: sure,
         p_value,
-        heldout_rms_before: before,
-        heldout_rms_after: after,
-        says: explain::sentence(work, pick, &parameters, [before, after], &same),
+        heldout_rms_before: before.heldout,
+        heldout_rms_after: after.heldout,
+        says: explain::sentence(work, pick, &parameters, [before, after], same) + &priors::sentence(&gains, settings.floor),
         equation: explain::equation(work, pick, &parameters),
         compensation: explain::compensation(work, pick, &parameters),
         parameters,
-        look_alikes,
-        cannot_tell_from: same,
+        look_alikes: look_alikes.clone(),
+        cannot_tell_from: same.clone(),
+        depends_on_prior: Some(gains),
         ..Finding::default()
     }
 }

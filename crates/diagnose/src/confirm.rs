@@ -19,6 +19,8 @@ pub(crate) fn confirm(work: &mut Work, band: f64, settings: &Settings, level: f6
     for i in (0..work.picks.len()).rev() {
         let (Some(p), Some((gain, _))) = (p_values[i], &judged[i]) else { continue };
         work.picks[i].p_confirm = p;
+        let c = &work.candidates[work.picks[i].candidate];
+        tracing::debug!(effect = c.effect_name(), place = c.name, gain, p, level, "on held-out rows");
         if (p > level || *gain <= 0.0) && !stays_in_fitted_only(work, i, settings) {
             drop_pick(work, i, band);
         }

@@ -3,6 +3,7 @@
 use pkm_dyn::effects::{Law, PlaceKind, Site};
 use pkm_dyn::model::JointKind;
 
+use crate::rank::Step;
 use crate::verdict::{Compensation, EffectAt, Estimate};
 use crate::work::Work;
 use alloc::collections::BTreeMap;
@@ -65,12 +66,12 @@ fn values(parameters: &BTreeMap<String, Estimate>, order: &[&str]) -> Vec<String
         .collect()
 }
 
-/// What was found, where, how large, and what it does for the fit.
+/// What was found, where, how large, and what it does for the fit, from the step before it to its own.
 pub(crate) fn sentence(
     work: &Work,
     pick: usize,
     parameters: &BTreeMap<String, Estimate>,
-    [before, after]: [f64; 2],
+    [before, after]: [&Step; 2],
     same: &[EffectAt],
 ) -> String {
     let c = &work.candidates[work.picks[pick].candidate];
@@ -89,8 +90,14 @@ pub(crate) fn sentence(
         entry.sentence.to_string()
     };
     let mut out = format!("{place}, {sentence}: {sizes}.");
-    let (b, a) = (100.0 * before, 100.0 * after);
-    out += &format!(" Adding it takes the held-out error from {b:.1} % to {a:.1} % of the effort.");
+    let (b, a) = (100.0 * before.heldout, 100.0 * after.heldout);
+    out += &format!(" Adding it takes the held-out error from {b:.1} % to {a:.1} % of the effort");
+    out += &if a > b && after.moving < before.moving {
+        let (b, a) = (100.0 * before.moving, 100.0 * after.moving);
+        format!(", and from {b:.2} % to {a:.2} % where joints move: what holds one that stands is told by no law here.")
+    } else {
+        ".".to_string()
+    };
     if !same.is_empty() {
         let mut names: Vec<String> = Vec::new();
         for s in same {

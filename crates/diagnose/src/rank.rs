@@ -4,7 +4,7 @@ use crate::chain::refine_chain;
 use crate::columns::Family;
 use crate::confirm::is_in_fitted_only;
 use crate::design::{Chain, View};
-use crate::final_fit::{FinalFit, errors, left_as_given, pooled};
+use crate::final_fit::{FinalFit, errors, errors_in_motion, left_as_given, pooled};
 use crate::prove::drop_pick;
 use crate::refine::container;
 use crate::screen::Base;
@@ -18,14 +18,24 @@ pub(crate) struct Step {
     pub(crate) pick: Option<usize>,
     /// The verdict's held-out number after it.
     pub(crate) heldout: f64,
+    /// The same where the joints move.
+    pub(crate) moving: f64,
 }
 
-/// The order of the picks in `work`, less those that make the robot worse at what the verdict promises: where held-out error ends above its least by
-/// more than what is worth a name, what was added after the least is taken out. Each of them helped where its joints move; together they do not.
+/// The order of the picks in `work`, less those that make the robot worse: where held-out error ends above its least by more than what is worth a name,
+/// what was added after the least is taken out. Each of them helped beside the others; together they do not. It must be so of all rows and of
+/// those where joints move: what holds a joint that stands is not known, and where that is most of the error it would speak against whatever is
+/// true.
 pub(crate) fn rank_what_helps(work: &mut Work, band: f64, settings: &Settings) -> Vec<Step> {
-    let steps = rank(work, band);
-    let heldout: Vec<f64> = steps.iter().map(|s| s.heldout).collect();
-    let harmful: Vec<usize> = steps[helping(&heldout, settings.floor)..].iter().filter_map(|s| s.pick).collect();
+    let rank = |work: &mut Work| {
+        let steps = rank(work, &vec![1.0; work.picks.len()]);
+        refine_chain(work, band);
+        work.rebuild();
+        steps
+    };
+    let steps = rank(work);
+    let help = [|s: &Step| s.heldout, |s: &Step| s.moving].map(|of| helping(&steps.iter().map(of).collect::<Vec<_>>(), settings.floor));
+    let harmful: Vec<usize> = steps[help[0].max(help[1])..].iter().filter_map(|s| s.pick).collect();
     let is_after = |i: usize| harmful.contains(&i) || container(work, i).is_some_and(|lead| harmful.contains(&lead));
     // A push that did not come back is nothing that held-out rows could tell of.
     let is_harmful = |i: usize| is_after(i) && !is_in_fitted_only(work, &work.picks[i]);
@@ -34,7 +44,7 @@ pub(crate) fn rank_what_helps(work: &mut Work, band: f64, settings: &Settings) -
         return steps;
     }
     gone.into_iter().for_each(|i| drop_pick(work, i, band));
-    rank(work, band)
+    rank(work)
 }
 
 /// How many of these steps help: all, or those up to the least error where the last is worse by a share of `floor` of the squared error.
@@ -44,12 +54,12 @@ fn helping(heldout: &[f64], floor: f64) -> usize {
     if last * last > (1.0 + floor) * least * least { best + 1 } else { heldout.len() }
 }
 
-/// Adds picks one by one, each time the one that helps most on blocks it was not fitted on; lags and delays compete as they were found.
-/// `work` is left as it was.
-fn rank(work: &mut Work, band: f64) -> Vec<Step> {
+/// Adds picks one by one, each time the one that may be expected to help most on blocks it was not fitted on: what it takes away there times how
+/// `sure` it is, by pick. Lags and delays compete as they were found. `work` is left as it was.
+pub(crate) fn rank(work: &mut Work, sure: &[f64]) -> Vec<Step> {
     let picks = work.picks.clone();
     let chain = work.design.chain.clone();
-    let mut steps = vec![Step { pick: None, heldout: pooled(&errors(work, &left_as_given(work, &[], View::Judge))) }];
+    let mut steps = vec![step(work, None, |view| left_as_given(work, &[], view))];
     work.design.chain = work.design.given_chain.clone();
     work.rebuild();
     let mut open: Vec<usize> = (0..picks.len()).filter(|&i| container(work, i).is_none()).collect();
@@ -58,21 +68,30 @@ fn rank(work: &mut Work, band: f64) -> Vec<Step> {
         |work: &Work, lead: usize| -> Vec<usize> { (0..picks.len()).filter(|&i| i == lead || container(work, i) == Some(lead)).collect() };
     let groups: Vec<Vec<usize>> = (0..picks.len()).map(|i| with(work, i)).collect();
     let mut taken: Vec<usize> = Vec::new();
+    let trial = |work: &mut Work, some: &[usize]| error_with(work, &picks, (&chain, some));
     while !open.is_empty() {
-        let mut trial = |next: usize| error_with(work, &picks, (&chain, &[&taken[..], &groups[next][..]].concat()));
-        let errors: Vec<f64> = open.iter().map(|&i| trial(i)).collect();
-        let at = (0..open.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b])).unwrap_or(0);
+        let before = trial(work, &taken);
+        let help = |&i: &usize| expected(before - trial(work, &[&taken[..], &groups[i][..]].concat()), sure[i]);
+        let help: Vec<f64> = open.iter().map(help).collect();
+        // The first of those that help alike.
+        let at = (0..open.len()).rev().max_by(|&a, &b| help[a].total_cmp(&help[b])).unwrap_or(0);
         let lead = open.remove(at);
         taken.extend(&groups[lead]);
         put(work, &picks, (&chain, &taken));
-        steps.push(Step { pick: Some(lead), heldout: held_out(work) });
+        let (ids, prior) = work.picked(None);
+        let fit = FinalFit::new(work, ids, &prior);
+        steps.push(step(work, Some(lead), |view| work.residual(&fit.ids, &fit.theta, work.softness, view)));
     }
     work.picks = picks;
     work.design.chain = chain;
     work.set_softness(work.softness);
-    refine_chain(work, band);
     work.rebuild();
     steps
+}
+
+/// What may be expected of a pick that takes away `taken` of the squared error: nobody loses less by doubting what makes it worse.
+fn expected(taken: f64, sure: f64) -> f64 {
+    if taken > 0.0 { sure * taken } else { taken }
 }
 
 /// Squared error of some of the picks on blocks they are not fitted on.
@@ -99,15 +118,22 @@ fn put(work: &mut Work, picks: &[Pick], (chain, some): (&[Chain], &[usize])) {
     }
 }
 
-fn held_out(work: &Work) -> f64 {
-    let (ids, prior) = work.picked(None);
-    let fit = FinalFit::new(work, ids, &prior);
-    pooled(&errors(work, &work.residual(&fit.ids, &fit.theta, work.softness, View::Judge)))
+/// A step after which a view of the rows leaves `left`.
+fn step(work: &Work, pick: Option<usize>, left: impl Fn(View) -> Vec<Vec<Vec<f64>>>) -> Step {
+    let (heldout, moving) = (errors(work, &left(View::Judge)), errors_in_motion(work, &left(View::Fit)));
+    Step { pick, heldout: pooled(&heldout), moving: pooled(&moving) }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::helping;
+    use super::{expected, helping};
+
+    #[test]
+    fn doubt_makes_less_of_help_and_nothing_of_harm() {
+        // A mass that takes away 3 and is one of six things, dry friction that takes away 1 and is nothing else; both make it worse.
+        assert!(expected(3.0, 1.0 / 6.0) < expected(1.0, 0.9));
+        assert!(expected(-3.0, 0.1) < expected(-1.0, 0.9) && expected(-1.0, 0.9) < expected(0.001, 0.01));
+    }
 
     #[test]
     fn what_is_added_after_the_least_error_helps_only_where_the_end_is_as_good() {
