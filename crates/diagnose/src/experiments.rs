@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use crate::isolability::cosine_of;
 use crate::motion::{Motion, motion_with, top_speed};
-use crate::segment::Segment;
+use crate::segment::{Segment, every};
 use crate::sensitivity::Lengths;
 use crate::shelf::Tape;
 use crate::verdict::{EffectAt, Experiment, Finding, Use};
@@ -140,8 +140,7 @@ fn names(findings: &[Finding]) -> Vec<&'static str> {
 /// The first recorded motion that was fitted, with no more samples than the band needs.
 fn recorded(work: &Work, band: f64) -> Option<Segment> {
     let m = work.motions.iter().find(|m| m.segment.used != Use::Holdout)?;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a ratio of two positive rates")]
-    let step = ((1.0 / (m.segment.dt * 20.0 * band)).floor() as usize).max(1);
+    let step = every(m.segment.dt, 20.0 * band);
     let thin = |x: &Vec<f64>| x.iter().copied().step_by(step).take(SAMPLES).collect::<Vec<f64>>();
     let s = &m.segment;
     let each = |x: &[Vec<f64>]| x.iter().map(thin).collect::<Vec<_>>();

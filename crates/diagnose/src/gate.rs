@@ -8,6 +8,7 @@ use pkm_ident::filter::LowPass;
 
 use crate::evidence::{Diagnosis, Evidence};
 use crate::motion::{Motion, top_speed};
+use crate::segment::every;
 use crate::verdict::{Heldout, RecordingUse, SCHEMA, Status, Unexplained, Use, Verdict};
 
 /// Why the recordings cannot be used; none when they can.
@@ -47,8 +48,7 @@ pub(crate) fn clocks(robot: &Robot, motions: &[Motion]) -> Vec<String> {
     for m in motions {
         let s = &m.segment;
         let filter = LowPass::new(s.band, s.dt);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a ratio of two positive rates")]
-        let every = ((1.0 / (s.dt * 20.0 * s.band)).floor() as usize).max(1);
+        let every = every(s.dt, 20.0 * s.band);
         let step = s.dt * every as f64;
         for (k, &j) in robot.model.actuators.iter().enumerate() {
             let thin = |x: &[f64]| -> Vec<f64> { filter.apply(x).into_iter().step_by(every).collect() };

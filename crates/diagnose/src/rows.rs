@@ -8,6 +8,7 @@
 use pkm_ident::filter::LowPass;
 
 use crate::motion::{Motion, top_speed};
+use crate::segment::every;
 use crate::settings::{BLOCKS, SLOWEST, STANDSTILL};
 use crate::verdict::Use;
 
@@ -43,14 +44,9 @@ pub(crate) struct FineGrid {
 
 impl FineGrid {
     pub(crate) fn new(dt: f64, band: f64) -> Self {
-        let per = |rate: f64| {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a ratio of two positive rates")]
-            let n = (1.0 / (dt * rate)).floor() as usize;
-            n.max(1)
-        };
-        let step = per(20.0 * band);
-        let thin = (per(2.5 * band) / step).max(1);
-        Self { dt: dt * step as f64, step, thin, edge: per(band), filter: LowPass::new(band, dt) }
+        let step = every(dt, 20.0 * band);
+        let thin = (every(dt, 2.5 * band) / step).max(1);
+        Self { dt: dt * step as f64, step, thin, edge: every(dt, band), filter: LowPass::new(band, dt) }
     }
 
     /// A raw series, filtered, on the fine grid.

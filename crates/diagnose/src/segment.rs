@@ -71,6 +71,13 @@ struct Raw {
     channels: Vec<(Kind, Option<Vec<f64>>)>,
 }
 
+/// Every how many samples of period `dt` `[s]` one is taken for `rate` a second `[1/s]`, or more.
+pub(crate) fn every(dt: f64, rate: f64) -> usize {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a ratio of two positive rates")]
+    let every = (1.0 / (dt * rate)).floor() as usize;
+    every.max(1)
+}
+
 /// All recordings, checked, and the band `[Hz]`.
 pub(crate) fn segments(robot: &Robot, recordings: &[(&Recording, Use)], band: Option<f64>) -> Result<(Vec<Segment>, f64), InputError> {
     if recordings.is_empty() {

@@ -9,6 +9,7 @@ use pkm_dyn::model::Model;
 use pkm_dyn::{Data, loops};
 
 use crate::channels::{Kind, by_drive, value};
+use crate::segment::every;
 
 /// Step of the finite differences `[m | rad]`: small against any geometry, large against Newton's tolerance.
 const STEP: f64 = 1e-5;
@@ -100,8 +101,7 @@ fn effort_beside(model: &Model, data: &mut Data, internal: &[f64]) {
 impl Knots {
     /// For a segment of `n_samples` at period `dt` `[s]`, in a band `[Hz]`, with some channels besides the drives.
     pub(crate) fn new(model: &Model, (channels, wanted): (Vec<Kind>, Lengths), (n_samples, dt): (usize, f64), band: f64) -> Self {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a ratio of two positive rates")]
-        let every = ((1.0 / (dt * KNOTS * band)).floor() as usize).clamp(1, (n_samples / 8).max(1));
+        let every = every(dt, KNOTS * band).min((n_samples / 8).max(1));
         let mut longer = Vec::new();
         if let (Lengths::Taken, Some(Law::Geometry(apply))) = (wanted, find("geometry_error").map(|e| e.law)) {
             for (site, place, _) in lengths(model) {

@@ -7,7 +7,7 @@
 
 use pkm_ident::filter::LowPass;
 
-use crate::segment::Segment;
+use crate::segment::{Segment, every};
 use crate::settings::{LONG, RATE};
 
 /// Brings the segments of a diagnosis that are long altogether to the rate that their band needs; says so, one line per recording.
@@ -17,7 +17,7 @@ pub(crate) fn thin(segments: Vec<Segment>) -> (Vec<Segment>, Vec<String>) {
     }
     let mut notes = Vec::new();
     let thinned = segments.into_iter().map(|s| {
-        let every = every(&s);
+        let every = every(s.dt, RATE * s.band);
         if every < 2 {
             return s;
         }
@@ -37,12 +37,6 @@ pub(crate) fn thin(segments: Vec<Segment>) -> (Vec<Segment>, Vec<String>) {
 
 /// Positions of a segment are below this many bands already ([`crate::segment`]).
 const SMOOTH: f64 = 5.0;
-
-fn every(s: &Segment) -> usize {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a ratio of two positive rates")]
-    let every = (1.0 / (s.dt * RATE * s.band)).floor() as usize;
-    every.max(1)
-}
 
 /// Every so many samples of a segment; what was not smoothed yet is, just as positions were.
 fn of(s: Segment, every: usize) -> Segment {
@@ -91,7 +85,7 @@ mod tests {
         let mut s = segment();
         // The second folds to 1 Hz.
         s.tau = vec![sine(&s, 1.0), sine(&s, 99.0)];
-        let t = of(s.clone(), every(&s));
+        let t = of(s.clone(), every(s.dt, RATE * s.band));
         assert!((t.dt - 0.01).abs() < 1e-15 && t.valid.len() == s.valid.len() / 5, "{} s, {}", t.dt, t.valid.len());
         let within = 100..t.valid.len() - 100;
         for i in within {
@@ -106,7 +100,7 @@ mod tests {
     fn a_sample_that_is_missing_takes_the_one_made_of_it_along() {
         let mut s = segment();
         s.valid[1007] = false;
-        let t = of(s.clone(), every(&s));
+        let t = of(s.clone(), every(s.dt, RATE * s.band));
         let gone: Vec<usize> = (0..t.valid.len()).filter(|&i| !t.valid[i]).collect();
         assert_eq!(gone, [201]);
     }

@@ -6,6 +6,7 @@ use pkm_ident::filter::LowPass;
 use pkm_ident::thousands::{Seen, other_units, seen};
 
 use crate::motion::{Motion, softness_widths};
+use crate::segment::every;
 use crate::sharing;
 
 /// Reasons against recordings whose efforts are in other units: one per motion and unit.
@@ -31,8 +32,7 @@ fn of_motion(model: &Model, motion: &Motion) -> Vec<String> {
 /// A series behind the band's filter at samples that may be used, no more of them than the band needs.
 fn sampled(motion: &Motion, x: &[f64]) -> Vec<f64> {
     let s = &motion.segment;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a ratio of two positive rates")]
-    let every = ((1.0 / (s.dt * 5.0 * s.band)).floor() as usize).max(1);
+    let every = every(s.dt, 5.0 * s.band);
     let smooth = LowPass::new(s.band, s.dt).apply(x);
     smooth.into_iter().zip(&s.valid).step_by(every).filter_map(|(x, is_valid)| is_valid.then_some(x)).collect()
 }
