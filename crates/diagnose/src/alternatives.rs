@@ -29,8 +29,23 @@ struct Rival {
     veto: String,
 }
 
-/// Aliases and rejected look-alikes of the pick at `index`.
-pub(crate) fn alternatives(work: &Work, index: usize) -> (Vec<EffectAt>, Vec<LookAlike>) {
+/// Aliases and rejected look-alikes of the pick at `index`. A lag or delay that was found is in the chain, and its column is an increment about
+/// that: it competes with the chain taken out, where what takes its place has all of it to explain. `work` is left as it was.
+pub(crate) fn alternatives(work: &mut Work, index: usize) -> (Vec<EffectAt>, Vec<LookAlike>) {
+    let c = &work.candidates[work.picks[index].candidate];
+    if c.effect.family() != Family::Chain {
+        return alternatives_as_it_stands(work, index);
+    }
+    let (joint, chain) = (c.scope[0], work.design.chain[c.scope[0]]);
+    work.design.chain[joint] = work.design.given_chain[joint];
+    work.rebuild();
+    let out = alternatives_as_it_stands(work, index);
+    work.design.chain[joint] = chain;
+    work.rebuild();
+    out
+}
+
+fn alternatives_as_it_stands(work: &Work, index: usize) -> (Vec<EffectAt>, Vec<LookAlike>) {
     let own_name = name(work, index);
     let mut rivals = rivals(work, &[index]);
     let siblings: Vec<usize> = (0..work.picks.len()).filter(|&i| name(work, i) == own_name).collect();
@@ -176,21 +191,11 @@ struct Stage {
 
 fn stage(work: &Work, without: &[usize]) -> Stage {
     let cross = work.gram.cross(&work.design, &work.real_targets(&[work.softness]));
-    let mut columns = Vec::new();
-    let mut prior = Vec::new();
-    let mut own = Vec::new();
-    for (i, p) in work.picks.iter().enumerate() {
-        for (&id, &sd) in p.variant.columns.iter().zip(&p.variant.prior) {
-            if without.contains(&i) {
-                own.push((id, work.inverse_variance(id, sd)));
-            } else if !columns.contains(&id) {
-                columns.push(id);
-                prior.push(work.inverse_variance(id, sd));
-            }
-        }
-    }
-    own.retain(|(id, _)| !columns.contains(id));
-    let (own, own_prior): (Vec<ColumnId>, Vec<f64>) = own.into_iter().unzip();
+    // What is fitted along stays: beside the robot's files as they are, what a refit conceals explains nothing, and nor would a rival.
+    let (columns, prior) = work.picked_but(without);
+    let removed = without.iter().flat_map(|&i| work.picks[i].variant.columns.iter().zip(&work.picks[i].variant.prior));
+    let own = removed.filter(|(id, _)| !columns.contains(id)).map(|(&id, &sd)| (id, work.inverse_variance(id, sd)));
+    let (own, own_prior): (Vec<ColumnId>, Vec<f64>) = own.unzip();
     let base = Base::new(&work.gram, &cross, &columns, &prior);
     let blocks: Vec<f64> = if own.is_empty() {
         vec![0.0; work.design.n_folds]

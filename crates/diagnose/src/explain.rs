@@ -94,7 +94,7 @@ pub(crate) fn sentence(
     out += &format!(" Adding it takes the held-out error from {b:.1} % to {a:.1} % of the effort");
     out += &if a > b && after.moving < before.moving {
         let (b, a) = (100.0 * before.moving, 100.0 * after.moving);
-        format!(", and from {b:.2} % to {a:.2} % where joints move: what holds one that stands is told by no law here.")
+        format!(", and from {b:.2} % to {a:.2} % where joints move: how friction holds a joint that stands is in no law here.")
     } else {
         ".".to_string()
     };

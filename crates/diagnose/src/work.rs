@@ -252,9 +252,14 @@ impl<'w> Work<'w> {
 
     /// Columns of everything picked, and of what is fitted along, each once, with inverse prior variances.
     pub(crate) fn picked(&self, without: Option<usize>) -> (Vec<ColumnId>, Vec<f64>) {
+        self.picked_but(without.as_slice())
+    }
+
+    /// The same without several picks.
+    pub(crate) fn picked_but(&self, without: &[usize]) -> (Vec<ColumnId>, Vec<f64>) {
         let along = if self.is_refitted { self.every_model_has(self.softness) } else { Vec::new() };
         let (mut ids, mut prior) = self.with_rigid(along, if self.is_refitted { self.kappa } else { 0.0 });
-        for (_, p) in self.picks.iter().enumerate().filter(|(i, _)| Some(*i) != without) {
+        for (_, p) in self.picks.iter().enumerate().filter(|(i, _)| !without.contains(i)) {
             for (&id, &sd) in p.variant.columns.iter().zip(&p.variant.prior) {
                 if !ids.contains(&id) {
                     ids.push(id);
