@@ -53,6 +53,10 @@ fn friction_that_grows_with_load_is_named_though_inertias_were_fitted_to_it() {
     // Losses of a gear that are alike in both directions are the same law.
     assert!(is_named(&d, &["friction_load", "directional_efficiency"], "q8"), "{}", d.verdict.says);
     assert!(d.verdict.notes.iter().any(|n| n.contains("fitted along")), "{:?}", d.verdict.notes);
+    // Beside what was fitted along nothing else will do; beside the robot's files as they are, friction along the stroke would.
+    let same = d.verdict.findings.iter().flat_map(|f| &f.cannot_tell_from);
+    let other: Vec<&str> = same.map(|a| a.effect.as_str()).filter(|e| !["friction_load", "directional_efficiency"].contains(e)).collect();
+    assert!(other.is_empty(), "{other:?}");
     let h = &d.verdict.heldout;
     assert!(h.rms_final < h.rms_nominal, "{} -> {}", h.rms_nominal, h.rms_final);
 }
@@ -64,7 +68,6 @@ fn a_late_effort_is_named_though_frictions_were_fitted_to_it() {
     let late = d.verdict.findings.iter().find(|f| f.effect == "time_delay").and_then(|f| f.parameters.get("delay"));
     let delay = late.map_or(0.0, |e| e.value);
     assert!((delay - 0.008).abs() < 0.0016, "{delay} s instead of 0.008: {}", d.verdict.says);
-    // Its column is an increment about the delay that was found, which is next to nothing: with that in place anything would explain as much.
     let late = d.verdict.findings.iter().find(|f| f.effect == "time_delay");
     let same: Vec<&str> = late.iter().flat_map(|f| &f.cannot_tell_from).map(|a| a.effect.as_str()).collect();
     assert_eq!(same, ["actuator_lag"], "to first order a lag is the same, and nothing else is");
