@@ -62,15 +62,17 @@ pub(crate) fn assemble(
     fin.other = late;
     fin.other.extend(rising_cables(work, &fin.readings));
     let judged = judge(work, &fin, &by_help, settings);
-    let mut steps = rank(work, &judged.iter().map(|j| j.sure).collect::<Vec<_>>());
-    let order: Vec<usize> = steps.iter().filter_map(|s| s.pick).collect();
+    let of = |pick: usize| judged.iter().find(|j| j.pick == pick);
+    let sure: Vec<f64> = (0..work.picks.len()).map(|p| of(p).map_or(1.0, |j| j.sure)).collect();
+    let mut steps = rank(work, &sure);
+    let order: Vec<&Judged> = steps.iter().filter_map(|s| of(s.pick?)).collect();
     // The chain was iterated since: the last step is the final model itself.
     if let Some(last) = steps.last_mut().filter(|s| s.pick.is_some()) {
         last.heldout = pooled(&errors(work, &fin.left));
     }
     let mut findings = commands::findings(work, mismatches, settings);
     let first = findings.len();
-    findings.extend(order.iter().enumerate().map(|(r, &pick)| finding(work, &fin, &steps, (r, &judged[pick]), settings)));
+    findings.extend(order.iter().enumerate().map(|(r, judged)| finding(work, &fin, &steps, (r, judged), settings)));
     findings.iter_mut().enumerate().skip(first).for_each(|(r, f)| f.rank = r + 1);
     experiments::propose(work, &mut findings[first..], band);
     let mut refined = refine(work, bare, &fin.readings, &|id| fin.fit.coefficient(id));
@@ -214,31 +216,25 @@ struct Judged {
     sure: f64,
 }
 
-/// Judges every pick, by pick; `steps` are the order in which they help most.
+/// Judges every pick that is a finding of its own; `steps` are the order in which they help most.
 fn judge(work: &mut Work, fin: &Final, steps: &[Step], settings: &Settings) -> Vec<Judged> {
-    let picks = 0..work.picks.len();
-    let judge = |pick: usize| {
+    let judge = |at: &[Step]| {
+        let [before, Step { pick: Some(pick), heldout: after, .. }] = at else { return None };
+        let pick = *pick;
         let (mut same, mut look_alikes) = alternatives(work, pick);
         let is_said = |a: &EffectAt| same.iter().any(|s| s.effect == a.effect && s.place == a.place);
         let more: Vec<EffectAt> = fin.other.iter().filter(|(p, a)| *p == pick && !is_said(a)).map(|(_, a)| a.clone()).collect();
         same.extend(more);
         look_alikes.retain(|l| !same.iter().any(|s| s.effect == l.effect && s.place == l.place));
         let gains = priors::gains(work, pick, settings);
-        let [before, after] = around(steps, pick);
-        let left = after / before.max(f64::MIN_POSITIVE);
+        let left = after / before.heldout.max(f64::MIN_POSITIVE);
         let p = &work.picks[pick];
         let p_value = p_value(p.p_search, p.p_confirm, settings);
         let likeness = priors::likeness(work, pick, &gains, (1.0 - left * left, settings.floor));
         let sure = confidence(work, p.wins, p_value, fin.motions) / (1 + same.len()) as f64 * likeness;
-        Judged { pick, p_value, same, look_alikes, gains, sure }
+        Some(Judged { pick, p_value, same, look_alikes, gains, sure })
     };
-    picks.map(judge).collect()
-}
-
-/// Held-out error before and after a pick is added; a part of another's law is added with that.
-fn around(steps: &[Step], pick: usize) -> [f64; 2] {
-    let pairs = steps.iter().zip(steps.iter().skip(1));
-    pairs.filter(|(_, s)| s.pick == Some(pick)).map(|(before, s)| [before.heldout, s.heldout]).next().unwrap_or([1.0, 1.0])
+    steps.windows(2).filter_map(judge).collect()
 }
 
 fn finding(work: &Work, fin: &Final, steps: &[Step], (r, judged): (usize, &Judged), settings: &Settings) -> Finding {

@@ -69,12 +69,13 @@ pub(crate) fn rank(work: &mut Work, sure: &[f64]) -> Vec<Step> {
     let groups: Vec<Vec<usize>> = (0..picks.len()).map(|i| with(work, i)).collect();
     let mut taken: Vec<usize> = Vec::new();
     let trial = |work: &mut Work, some: &[usize]| error_with(work, &picks, (&chain, some));
+    let mut now = trial(work, &taken);
     while !open.is_empty() {
-        let before = trial(work, &taken);
-        let help = |&i: &usize| expected(before - trial(work, &[&taken[..], &groups[i][..]].concat()), sure[i]);
-        let help: Vec<f64> = open.iter().map(help).collect();
+        let errors: Vec<f64> = open.iter().map(|&i| trial(work, &[&taken[..], &groups[i][..]].concat())).collect();
+        let help = |&n: &usize| expected(now - errors[n], sure[open[n]]);
         // The first of those that help alike.
-        let at = (0..open.len()).rev().max_by(|&a, &b| help[a].total_cmp(&help[b])).unwrap_or(0);
+        let at = (0..open.len()).rev().max_by(|a, b| help(a).total_cmp(&help(b))).unwrap_or(0);
+        now = errors[at];
         let lead = open.remove(at);
         taken.extend(&groups[lead]);
         put(work, &picks, (&chain, &taken));
