@@ -36,13 +36,8 @@ pub(crate) fn alternatives(work: &mut Work, index: usize) -> (Vec<EffectAt>, Vec
     if c.effect.family() != Family::Chain {
         return alternatives_as_it_stands(work, index);
     }
-    let (joint, chain) = (c.scope[0], work.design.chain[c.scope[0]]);
-    work.design.chain[joint] = work.design.given_chain[joint];
-    work.rebuild();
-    let out = alternatives_as_it_stands(work, index);
-    work.design.chain[joint] = chain;
-    work.rebuild();
-    out
+    let joint = c.scope[0];
+    work.with_chain_out(joint, |work| alternatives_as_it_stands(work, index))
 }
 
 fn alternatives_as_it_stands(work: &Work, index: usize) -> (Vec<EffectAt>, Vec<LookAlike>) {

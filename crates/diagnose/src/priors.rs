@@ -107,11 +107,6 @@ fn chain_gain(work: &mut Work, (index, scope): (usize, &[usize]), (ids, prior): 
     let with_ids: Vec<ColumnId> = ids.iter().chain(&own).copied().collect();
     let with_prior: Vec<f64> = prior.iter().copied().chain(own.iter().map(|_| 0.0)).collect();
     let with = error(work, &with_ids, &with_prior);
-    let (joint, chain) = (scope[0], work.design.chain[scope[0]]);
-    work.design.chain[joint] = work.design.given_chain[joint];
-    work.rebuild();
-    let without = error(work, &ids, &prior);
-    work.design.chain[joint] = chain;
-    work.rebuild();
+    let without = work.with_chain_out(scope[0], |work| error(work, &ids, &prior));
     1.0 - with / without.max(f64::MIN_POSITIVE)
 }

@@ -124,12 +124,7 @@ fn chain_gain_judged_by(work: &mut Work, pick: usize, judge: fn(&Gram, &Cross, &
         judge(&work.gram, &cross, &columns, &prior).over(&scope, 0)
     };
     let with = error(work, None);
-    let (joint, chain) = (scope[0], work.design.chain[scope[0]]);
-    work.design.chain[joint] = work.design.given_chain[joint];
-    work.rebuild();
-    let without = error(work, Some(pick));
-    work.design.chain[joint] = chain;
-    work.rebuild();
+    let without = work.with_chain_out(scope[0], |work| error(work, Some(pick)));
     1.0 - with / without.max(f64::MIN_POSITIVE)
 }
 

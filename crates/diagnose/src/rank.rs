@@ -30,7 +30,6 @@ pub(crate) fn rank_what_helps(work: &mut Work, band: f64, settings: &Settings) -
     let rank = |work: &mut Work| {
         let steps = rank(work, &vec![1.0; work.picks.len()]);
         refine_chain(work, band);
-        work.rebuild();
         steps
     };
     let steps = rank(work);
@@ -60,8 +59,7 @@ pub(crate) fn rank(work: &mut Work, sure: &[f64]) -> Vec<Step> {
     let picks = work.picks.clone();
     let chain = work.design.chain.clone();
     let mut steps = vec![step(work, None, |view| left_as_given(work, &[], view))];
-    work.design.chain = work.design.given_chain.clone();
-    work.rebuild();
+    set_chain(work, work.design.given_chain.clone());
     let mut open: Vec<usize> = (0..picks.len()).filter(|&i| container(work, i).is_none()).collect();
     // What a law contains is added with it.
     let with =
@@ -84,9 +82,8 @@ pub(crate) fn rank(work: &mut Work, sure: &[f64]) -> Vec<Step> {
         steps.push(step(work, Some(lead), |view| work.residual(&fit.ids, &fit.theta, work.softness, view)));
     }
     work.picks = picks;
-    work.design.chain = chain;
+    set_chain(work, chain);
     work.set_softness(work.softness);
-    work.rebuild();
     steps
 }
 
@@ -113,8 +110,13 @@ fn put(work: &mut Work, picks: &[Pick], (chain, some): (&[Chain], &[usize])) {
             now[c.scope[0]] = chain[c.scope[0]];
         }
     }
-    if now != work.design.chain {
-        work.design.chain = now;
+    set_chain(work, now);
+}
+
+/// Puts lags and delays in place; sums of products are made anew only where one changed.
+fn set_chain(work: &mut Work, chain: Vec<Chain>) {
+    if chain != work.design.chain {
+        work.design.chain = chain;
         work.rebuild();
     }
 }

@@ -220,6 +220,17 @@ impl<'w> Work<'w> {
         self.gram = Gram::new(&self.design);
     }
 
+    /// What `ask` says with the lag or delay that was found at a joint taken out.
+    pub(crate) fn with_chain_out<T>(&mut self, joint: usize, ask: impl FnOnce(&Self) -> T) -> T {
+        let chain = self.design.chain[joint];
+        self.design.chain[joint] = self.design.given_chain[joint];
+        self.rebuild();
+        let out = ask(self);
+        self.design.chain[joint] = chain;
+        self.rebuild();
+        out
+    }
+
     /// Friction and offsets of the drives at a softness: what every model has besides inertias.
     pub(crate) fn every_model_has(&self, softness: usize) -> Vec<ColumnId> {
         let s = &self.standard;
