@@ -37,8 +37,8 @@ def states(samples, fields=(True, True, True), frame="base_link"):
         yield int(stamp), frame, [list(values[f, k]) if fields[f] else [] for f in range(3)]
 
 
-def write_rosbags(folder: Path, topics, *, is_little=True, compression=None):
-    """A rosbag2 recording in MCAP; `topics` are names with what `states` gives. The path of its file."""
+def write_rosbags(folder: Path, topics, *, is_little=True, compression=None, storage="MCAP"):
+    """A rosbag2 recording; `topics` are names with what `states` gives. The path of its file."""
     rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="the package rosbags is not installed")
     from rosbags.typesys import Stores, get_typestore
 
@@ -46,7 +46,7 @@ def write_rosbags(folder: Path, topics, *, is_little=True, compression=None):
     time, header, state = (
         store.types[name] for name in ("builtin_interfaces/msg/Time", "std_msgs/msg/Header", "sensor_msgs/msg/JointState")
     )
-    writer = rosbag2.Writer(folder, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP)
+    writer = rosbag2.Writer(folder, version=9, storage_plugin=rosbag2.StoragePlugin[storage])
     if compression == "storage":
         writer.set_compression(rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
     with writer:
@@ -57,7 +57,7 @@ def write_rosbags(folder: Path, topics, *, is_little=True, compression=None):
                 message = state(header(time(stamp // 10**9, stamp % 10**9), frame), JOINTS, *arrays)
                 data = store.serialize_cdr(message, state.__msgtype__, little_endian=is_little)
                 writer.write(connections[topic], stamp + 50_000, data)
-    (file,) = folder.glob("*.mcap")
+    (file,) = (path for path in folder.iterdir() if path.name != "metadata.yaml")
     return file
 
 
@@ -107,6 +107,27 @@ def test_empty_lists_are_columns_that_are_not_there(samples, tmp_path, fields):
         bag = {"/joint_states": states(samples, fields)}
         same(pkm.read(write_rosbags(tmp_path / f"bag{is_little}", bag, is_little=is_little)), samples, wanted)
     same(pkm.read(write_mcap_ros2(tmp_path / "bag.mcap", {"/joint_states": states(samples, fields)})), samples, wanted)
+
+
+def test_the_folder_of_a_bag_is_read_as_its_file(samples, tmp_path):
+    folder = tmp_path / "bag"
+    file = write_rosbags(folder, {"/joint_states": states(samples)})
+    whole, by_file = pkm.read(folder), pkm.read(file)
+    assert whole.name == str(folder) and whole.signals == by_file.signals
+    np.testing.assert_array_equal(whole["q.shoulder"], by_file["q.shoulder"])
+    # Split, it is not one recording.
+    (folder / "bag_1.mcap").write_bytes(file.read_bytes())
+    with pytest.raises(ValueError, match=r"bag: a folder with 2 MCAP files"):
+        pkm.read(folder)
+
+
+def test_a_bag_in_sqlite_is_refused_with_what_to_do(samples, tmp_path):
+    folder = tmp_path / "old"
+    file = write_rosbags(folder, {"/joint_states": states(samples)}, storage="SQLITE3")
+    assert file.suffix == ".db3"
+    for path in [folder, file]:
+        with pytest.raises(ValueError, match=r"SQLite is not read: make it an MCAP with `ros2 bag convert`"):
+            pkm.read(path)
 
 
 def test_compressed_storage_of_rosbags_is_read(samples, tmp_path):

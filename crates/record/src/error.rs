@@ -17,6 +17,20 @@ pub enum ReadError {
         /// File as given.
         file: String,
     },
+    /// A bag of ROS 2 in a database.
+    #[error("{file}: a rosbag2 in SQLite is not read: make it an MCAP with `ros2 bag convert` (storage_id: mcap)")]
+    Sqlite {
+        /// File as given.
+        file: String,
+    },
+    /// A folder that is not one recording.
+    #[error("{file}: a folder with {found} MCAP files (a bag of one is read; of a split one, name the file)")]
+    Folder {
+        /// Folder as given.
+        file: String,
+        /// How many there are.
+        found: usize,
+    },
     /// Nothing in the file.
     #[error("{file}: the file is empty")]
     Empty {

@@ -14,7 +14,7 @@ mod meta;
 use alloc::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 pub use cycles::{Control, ControlStep};
 pub use error::{ReadError, WriteError};
@@ -79,7 +79,7 @@ impl Format {
     }
 }
 
-/// Reads a recording from a `.csv` or `.mcap` file; its name is the path as given.
+/// Reads a recording from a `.csv` or `.mcap` file, or from the folder of a rosbag2 with one `.mcap` file; its name is the path as given.
 ///
 /// ```
 /// # let directory = tempfile::tempdir().unwrap();
@@ -223,8 +223,28 @@ fn io_error(file: &str, error: &std::io::Error) -> ReadError {
     ReadError::Io { file: file.to_string(), detail: error.to_string() }
 }
 
+/// What a bag of ROS 2 is besides a file.
+const DATABASE: &str = "db3";
+
+/// The file meant by a path: the only MCAP file of a folder, as `ros2 bag record` leaves it, else the path itself.
+fn file_of(path: &Path, file: &str) -> Result<PathBuf, ReadError> {
+    let has = |path: &Path, wanted: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(wanted));
+    if !path.is_dir() {
+        return if has(path, DATABASE) { Err(ReadError::Sqlite { file: file.to_string() }) } else { Ok(path.to_path_buf()) };
+    }
+    let entries = std::fs::read_dir(path).map_err(|e| io_error(file, &e))?;
+    let inside: Vec<PathBuf> = entries.flatten().map(|e| e.path()).collect();
+    let mut recordings = inside.iter().filter(|p| has(p, "mcap"));
+    match (recordings.next(), recordings.count()) {
+        (Some(only), 0) => Ok(only.clone()),
+        (None, _) if inside.iter().any(|p| has(p, DATABASE)) => Err(ReadError::Sqlite { file: file.to_string() }),
+        (first, others) => Err(ReadError::Folder { file: file.to_string(), found: others + usize::from(first.is_some()) }),
+    }
+}
+
 fn open(path: &Path, file: &str) -> Result<Source<'static>, ReadError> {
-    let mut format = Format::of(path).ok_or_else(|| ReadError::UnknownFormat { file: file.to_string() })?;
+    let path = file_of(path, file)?;
+    let mut format = Format::of(&path).ok_or_else(|| ReadError::UnknownFormat { file: file.to_string() })?;
     let io = |e: std::io::Error| io_error(file, &e);
     let mut handle = File::open(path).map_err(io)?;
     let length = handle.metadata().map_err(io)?.len();

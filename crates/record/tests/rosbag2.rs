@@ -132,3 +132,21 @@ fn periods_and_steps_are_decoded_by_ros_tools_from_the_definitions_in_the_file()
                 \"q_ref\": [3.5], \"v_ref\": [4.5], \"a_ref\": [5.5], \"wrench_ref\": [2.0, 2.0, 2.0, 2.0, 2.0, 2.0], \"tau_ff\": [6.5], \"command\": [7.5], \"q_dt\": 0.75";
     assert!(json.contains(part), "{json}");
 }
+
+#[test]
+fn a_folder_stands_for_its_only_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let bag = folder.path().join("rosbag2_2026");
+    std::fs::create_dir(&bag).unwrap();
+    let say = || read(&bag).unwrap_err().to_string().replace(&bag.display().to_string(), "bag");
+    assert_eq!(say(), "bag: a folder with 0 MCAP files (a bag of one is read; of a split one, name the file)");
+    std::fs::write(bag.join("metadata.yaml"), "rosbag2_bagfile_information:\n").unwrap();
+    std::fs::write(bag.join("bag_0.db3"), b"SQLite format 3\0").unwrap();
+    assert_eq!(say(), "bag: a rosbag2 in SQLite is not read: make it an MCAP with `ros2 bag convert` (storage_id: mcap)");
+    let (_guard, recorded) = made_up::file("A.csv", b"t,q.a\n0,1\n0.5,2\n");
+    write(&bag.join("bag_0.mcap"), &read(&recorded).unwrap(), &Attachments::default()).unwrap();
+    let whole = read(&bag).unwrap();
+    assert_eq!((whole.name.as_str(), whole.signal("q.a").unwrap()), (bag.to_str().unwrap(), &[1.0, 2.0][..]));
+    std::fs::copy(bag.join("bag_0.mcap"), bag.join("bag_1.mcap")).unwrap();
+    assert_eq!(say(), "bag: a folder with 2 MCAP files (a bag of one is read; of a split one, name the file)");
+}

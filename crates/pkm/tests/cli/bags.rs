@@ -111,6 +111,15 @@ fn every_verb_reads_bags_and_asks_for_a_topic_where_there_are_several() {
         refused(folder.path(), &arguments, &["1.mcap", "choose one with --topic: /arm/joint_states, /other/joint_states"]);
         prints(folder.path(), &[&arguments[..], &topic].concat());
     }
+    // The folder of a bag stands for its file, and says the same.
+    let verdict = || fs::read_to_string(folder.path().join("out.json")).unwrap();
+    prints(folder.path(), &[&["diagnose", "rig.toml", "--json", "out.json"][..], &both, &fast, &topic].concat());
+    let by_file = verdict();
+    fs::create_dir(folder.path().join("night")).unwrap();
+    fs::rename(folder.path().join("2.mcap"), folder.path().join("night/night_0.mcap")).unwrap();
+    let by_folder = ["--recording", "1.mcap", "--holdout", "night", "--force"];
+    prints(folder.path(), &[&["diagnose", "rig.toml", "--json", "out.json"][..], &by_folder, &fast, &topic].concat());
+    assert_eq!(verdict(), by_file.replace("2.mcap", "night"));
     // Text with every digit on both sides: the numbers came through to the bit, and times, which are whole nanoseconds in a bag, as those.
     let numbers = |name: &str| {
         let (first, lines) = csv_lines(&folder.path().join(name));
