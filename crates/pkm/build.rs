@@ -1,4 +1,5 @@
 //! `PKM_VERSION`: the version, and the commit it is built from where this is the repository; a packaged crate has its version alone.
+//! The wheel is built with this script as well.
 //!
 //! Files are read, no program is run: builds without git or without a network are the same as others.
 
@@ -7,6 +8,9 @@ use std::path::{Path, PathBuf};
 
 /// Digits of a commit that are told.
 const DIGITS: usize = 12;
+
+/// Where the crates that tell it are in the repository: the program and the wheel.
+const CRATES: [&str; 2] = ["crates/pkm", "python"];
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
@@ -20,10 +24,10 @@ fn env(name: &str) -> String {
     std::env::var(name).unwrap_or_default()
 }
 
-/// Git's folder of the repository in which `crate_dir` is `crates/pkm`, and of no other: a packaged crate may lie in somebody else's.
+/// Git's folder of the repository in which `crate_dir` is one of [`CRATES`], and of no other: a packaged crate may lie in somebody else's.
 fn repository(crate_dir: &Path) -> Option<PathBuf> {
-    let root = crate_dir.parent()?.parent()?;
-    if root.join("crates/pkm") != crate_dir || !root.join("xtask/Cargo.toml").is_file() {
+    let root = crate_dir.ancestors().find(|dir| CRATES.iter().any(|name| dir.join(name) == crate_dir))?;
+    if !root.join("xtask/Cargo.toml").is_file() {
         return None;
     }
     let git = root.join(".git");

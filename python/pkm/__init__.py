@@ -1,6 +1,6 @@
 """Model, simulate and diagnose robots with closed loops.
 
-Arrays are C-ordered (n_samples, n_joints), float64, SI units. Names are those of the Rust crates.
+Arrays are C-ordered (n_samples, n_joints), float64, SI units. What the Rust crates have as well is called as it is there.
 """
 
 from . import answers, evidence, plot, progress, prove, robots, verdict
@@ -13,6 +13,7 @@ from ._pkm import (
     Recording,
     Report,
     Robot,
+    __build__,
     __version__,
     diagnose,
     effects,
@@ -35,6 +36,7 @@ __all__ = [
     "Recording",
     "Report",
     "Robot",
+    "__build__",
     "__version__",
     "answers",
     "diagnose",

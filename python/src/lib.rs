@@ -62,4 +62,9 @@ mod _pkm {
     #[expect(non_upper_case_globals, reason = "the name every Python package uses")]
     #[pymodule_export]
     const __version__: &str = env!("CARGO_PKG_VERSION");
+
+    /// What the extension was built from: the version, and the commit where that is known, as `pkm --version` tells it.
+    #[expect(non_upper_case_globals, reason = "as above")]
+    #[pymodule_export]
+    const __build__: &str = env!("PKM_VERSION");
 }

@@ -1,5 +1,6 @@
 """A fleet in a folder: robots of one kind, recorded on some days, their friction known to the test alone."""
 
+import json
 import re
 import shutil
 from pathlib import Path
@@ -42,3 +43,13 @@ def fleet_folder(root):
     lines = (nine / "2026-03-04" / "A.csv").read_text(encoding="utf-8").splitlines()
     damaged.write_text("\n".join([*lines[:300], "3.0,bro"]), encoding="utf-8")
     return root
+
+
+def same(rows, others):
+    """Whether two tables say the same, to the bit: all but when and where a row was made."""
+    from pkm import fleet
+
+    answers = [name for name in rows.columns if name not in fleet.CIRCUMSTANCES]
+    assert list(rows.columns) == list(others.columns)
+    left, right = (json.loads(r[answers].to_json(orient="records", double_precision=15)) for r in (rows, others))
+    assert left == right

@@ -1,27 +1,19 @@
-"""A fleet on a cluster: the table is that of one process, whatever happens to workers, files and runs on the way."""
+"""A fleet on a cluster: the table is that of one process, and what it has is not made again."""
 
 import json
-import os
-import signal
+import shutil
 import subprocess
 import sys
-import threading
-import time
 
 import pkm
 import pytest
-from fleets import fleet_folder, record, robot_folder
+from fleets import fleet_folder, record, robot_folder, same
 
 for needed in ("dask", "distributed", "fsspec", "pandas", "pyarrow", "scipy"):
     pytest.importorskip(needed, reason=f"the package {needed} is not installed")
 
 import distributed
-import fsspec
 from pkm import fleet
-
-# What a row says, as opposed to when and where it was made.
-ANSWERS = [name for name in fleet._table.schema().names if name not in fleet.CIRCUMSTANCES]
-
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
@@ -38,12 +30,6 @@ def alone(folder, tmp_path_factory):
 def identified(folder, tmp_path_factory):
     """The same of identifications."""
     return fleet.identify(fleet.find(str(folder)), str(tmp_path_factory.mktemp("alone") / "parameters.parquet"), workers=0)
-
-
-def same(rows, others):
-    """Whether two tables say the same, to the bit."""
-    left, right = (json.loads(r[ANSWERS].to_json(orient="records", double_precision=15)) for r in (rows, others))
-    assert left == right
 
 
 def test_a_folder_is_found_as_tasks(folder):
@@ -70,6 +56,17 @@ def test_recordings_without_a_robot_are_refused(tmp_path):
         fleet.find(str(tmp_path / "other"))
     with pytest.raises(ValueError, match="sequence of one or more"):
         fleet.Task("robot.toml", "A.csv")
+    for wrong in ("March", "2026-02-30", "20260301"):
+        with pytest.raises(ValueError, match=f"taken = '{wrong}'"):
+            fleet.Task("robot.toml", ["A.csv"], taken=wrong)
+
+
+def test_the_day_is_a_day(tmp_path):
+    """A number that only looks like one is part of a name."""
+    robot = robot_folder(tmp_path, "robot1")
+    record(robot / "2026-13-01" / "2026-03-04", 0.0, 1, names=("A",), duration_s=0.5)
+    record(robot / "batch 2026-99-99", 0.0, 2, names=("A",), duration_s=0.5)
+    assert [t.taken for t in fleet.find(str(tmp_path))] == ["2026-03-04", ""]
 
 
 def test_a_row_is_the_verdict_of_its_recordings(folder, alone):
@@ -92,7 +89,7 @@ def test_a_row_says_where_it_comes_from(folder, alone):
     if told.returncode == 0:
         assert row["recordings_sha256"][0] == told.stdout.split()[0]
     assert row["recordings"][0] == str(path) and len(row["robot_sha256"]) == 64
-    assert row["pkm_version"] == pkm.__version__ and row["settings"] == "{}" and row["kind"] == "diagnose"
+    assert row["pkm_version"] == pkm.__build__ and row["settings"] == "{}" and row["kind"] == "diagnose"
     age = (fleet._compare.need("pandas").Timestamp.now(tz="UTC") - row["finished"]).total_seconds()
     assert 0 <= age < 3600 and row["seconds"] > 0
     # The three robots have the same files.
@@ -106,58 +103,6 @@ def test_a_damaged_recording_is_a_row_with_an_error(folder, alone):
         pkm.read(folder / "robot9" / "2026-03-05" / "A.csv")
     assert bad.iloc[0]["error"] == str(error.value) and "line 301" in bad.iloc[0]["error"]
     assert (alone["status"] != "error").sum() == 4
-
-
-def kill_a_busy_worker(client, killed, stop):
-    """Kills the first worker process that has a task, without a word."""
-    pids = client.run(os.getpid)
-    while not stop.is_set():
-        busy = [worker for worker, keys in client.processing().items() if keys and worker in pids]
-        if busy:
-            time.sleep(0.3)
-            os.kill(pids[busy[0]], signal.SIGKILL)
-            killed.append(pids[busy[0]])
-            return
-        time.sleep(0.02)
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is of POSIX")
-def test_killed_workers_change_nothing(folder, alone, tmp_path):
-    killed, stop = [], threading.Event()
-    environment = {"RAYON_NUM_THREADS": "1"}
-    with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, env=environment) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        before = set(client.run(os.getpid).values())
-        killer = threading.Thread(target=kill_a_busy_worker, args=(client, killed, stop))
-        killer.start()
-        rows = fleet.diagnose(fleet.find(str(folder)), str(tmp_path / "verdicts.parquet"), scheduler=client)
-        stop.set()
-        killer.join()
-        after = set(client.run(os.getpid).values())
-    assert killed and killed[0] in before and killed[0] not in after
-    same(rows, alone)
-    same(fleet.read(str(tmp_path / "verdicts.parquet")), alone)
-    assert not (tmp_path / "verdicts.parquet.parts").exists()
-
-
-def doomed(*_):
-    """A task that takes its worker with it."""
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is of POSIX")
-def test_a_task_that_kills_every_worker_is_given_up(folder, tmp_path, monkeypatch):
-    task = fleet.find(str(folder))[0]
-    monkeypatch.setattr(fleet._run, "done", doomed)
-    rows = fleet.identify([task], str(tmp_path / "t.parquet"), workers=1, retries=0)
-    [row] = rows.to_dict("records")
-    assert row["status"] == "lost" and "worker was lost" in row["error"]
-    monkeypatch.undo()
-    # What was given up is tried again, and its row makes room.
-    rows = fleet.identify([task], str(tmp_path / "t.parquet"), workers=0)
-    assert list(rows["status"]) == ["identified"]
 
 
 def test_a_second_run_does_what_is_new(folder, tmp_path):
@@ -190,6 +135,71 @@ def test_a_second_run_does_what_is_new(folder, tmp_path):
     assert len(fifth) == 6
 
 
+def test_another_build_makes_its_own_rows(folder, tmp_path, monkeypatch):
+    """The version stays the same for many commits: rows of an engine that was mended are not those of the one before."""
+    tasks, table = fleet.find(str(folder))[:2], str(tmp_path / "t.parquet")
+    monkeypatch.setattr(pkm, "__build__", "0.1.0 (000000000001)")
+    first = fleet.identify(tasks, table, workers=0)
+    assert fleet.identify(tasks, table, workers=0)["finished"].equals(first["finished"])
+    monkeypatch.setattr(pkm, "__build__", "0.1.0 (000000000002)")
+    both = fleet.identify(tasks, table, workers=0)
+    assert len(both) == 4 and both["key"].nunique() == 4
+    old, new = (both[both["pkm_version"] == f"0.1.0 (00000000000{k})"].reset_index(drop=True) for k in (1, 2))
+    assert old["finished"].equals(first["finished"]) and (new["finished"] > first["finished"].max()).all()
+    same(old.drop(columns=["key", "pkm_version"]), new.drop(columns=["key", "pkm_version"]))
+    # One recording is one measurement, whoever has worked on it.
+    pandas = pytest.importorskip("pandas")
+    units = {"unit": "robot3", "against": "robot7"}
+    pandas.testing.assert_frame_equal(fleet.compare(both, **units), fleet.compare(new, **units))
+    # What cannot be had now is missing, though an earlier build had it.
+    gone = fleet.Task(tasks[0].robot, [str(tmp_path / "gone.csv")], unit="robot3")
+    shutil.copy(tasks[0].recordings[0], tmp_path / "gone.csv")
+    fleet.identify([gone], table, workers=0)
+    (tmp_path / "gone.csv").unlink()
+    monkeypatch.setattr(pkm, "__build__", "0.1.0 (000000000003)")
+    for _ in range(2):
+        rows = fleet.identify([gone], table, workers=0, retries=0)
+        assert len(rows) == 6 and list(rows[rows["status"] == "lost"]["pkm_version"]) == ["0.1.0 (000000000003)"]
+
+
+def test_a_fault_of_one_recording_ends_no_run(folder, tmp_path, monkeypatch):
+    tasks, identification = fleet.find(str(folder))[:2], pkm.Identification
+
+    def faulty(robot, **settings):
+        if not faults:
+            return identification(robot, **settings)
+        raise faults.pop()
+
+    monkeypatch.setattr(pkm, "Identification", faulty)
+    faults = [KeyError("no such part")]
+    rows = fleet.identify(tasks, str(tmp_path / "a.parquet"), workers=0)
+    assert list(rows["status"]) == ["error", "identified"] and rows["error"][0] == "fault in pkm: KeyError: 'no such part'"
+    # No fault of the recording: tried again.
+    faults = [MemoryError()]
+    rows = fleet.identify(tasks, str(tmp_path / "b.parquet"), workers=0, retries=1)
+    assert list(rows["status"]) == ["identified", "identified"]
+    for error in (KeyboardInterrupt(), ImportError("a package")):
+        faults = [error]
+        with pytest.raises(type(error)):
+            fleet.identify(tasks, str(tmp_path / "c.parquet"), workers=0)
+
+
+def test_copies_are_one_row_whoever_is_first(folder, tmp_path):
+    [task] = [t for t in fleet.find(str(folder)) if t.unit == "robot3"]
+    copy = tmp_path / "copy.csv"
+    shutil.copy(task.recordings[0], copy)
+    other = fleet.Task(task.robot, [str(copy)], task.holdout, unit="robot3", taken="2026-05-01")
+    one, two = (fleet.identify(order, str(tmp_path / name), workers=0) for name, order in (("a", [task, other]), ("b", [other, task])))
+    assert len(one) == 1 and list(one["taken"]) == ["2026-02-16"]
+    same(one, two)
+
+
+def test_reading_makes_nothing(tmp_path):
+    with pytest.raises(FileNotFoundError, match="no such table"):
+        fleet.read(str(tmp_path / "none" / "t.parquet"))
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_run_that_was_stopped_goes_on(folder, identified, tmp_path):
     table = str(tmp_path / "t.parquet")
 
@@ -207,21 +217,6 @@ def test_a_run_that_was_stopped_goes_on(folder, identified, tmp_path):
     assert shares == [pytest.approx((k + 1) / 5) for k in range(5)]
     merged = rows.merge(kept, on="key", suffixes=("", "_kept"))
     assert len(merged) == 2 and (merged["finished"] == merged["finished_kept"]).all()
-
-
-def test_files_may_lie_anywhere(folder, identified):
-    memory = fsspec.filesystem("memory")
-    memory.put(str(folder / "robot7"), "/fleet/robot7", recursive=True)
-    try:
-        tasks = fleet.find("memory://fleet")
-        assert tasks[0].recordings == ("memory:///fleet/robot7/2026-02-17/A.csv",)
-        rows = fleet.identify(tasks, "memory://out/verdicts.parquet", workers=2)
-        assert memory.exists("/out/verdicts.parquet") and not memory.exists("/out/verdicts.parquet.parts")
-        ours = identified[identified["unit"] == "robot7"]
-        columns = ["taken", "status", "rms_nominal", "rms_final", "recordings_sha256", "robot_sha256"]
-        assert rows[columns].to_json() == ours[columns].reset_index(drop=True).to_json()
-    finally:
-        memory.rm("/", recursive=True)
 
 
 def test_a_scheduler_is_reached_by_its_address(folder, identified, tmp_path):
@@ -265,8 +260,9 @@ def test_bad_requests_are_refused(folder, tmp_path):
     assert "\n" not in str(error.value)
     with pytest.raises(ValueError, match="cannot both be given"):
         fleet.identify(tasks, str(tmp_path / "u.parquet"), workers=1, scheduler="tcp://127.0.0.1:1")
-    with pytest.raises(ValueError, match="retries = -1"):
-        fleet.identify(tasks, str(tmp_path / "u.parquet"), retries=-1)
+    for wrong in ("retries", "workers"):
+        with pytest.raises(ValueError, match=f"{wrong} = -1"):
+            fleet.identify(tasks, str(tmp_path / "u.parquet"), **{wrong: -1})
     with pytest.raises(FileNotFoundError, match="no such table"):
         fleet.read(str(tmp_path / "none.parquet"))
     rows = fleet.identify(tasks, str(tmp_path / "u.parquet"), workers=0, settings={"colour": 1})
@@ -285,6 +281,10 @@ def test_the_command_line(folder, tmp_path):
     # One recording is damaged: that is told, and is no reason to stop.
     assert done.returncode == 1, done.stderr
     assert [line.split()[:3] for line in done.stdout.splitlines()][-1] == ["robot9", "2026-03-05", "error"]
+    # The table holds more than is asked for: that is told of alone.
+    part = shell("identify", folder / "robot7", "--table", table, "--workers", 0, "--settings", '{"method": "wls"}')
+    assert part.returncode == 0 and [line.split()[1] for line in part.stdout.splitlines()] == ["2026-02-17", "2026-03-03"]
+    assert shell("--version").stdout.strip() == f"pkm {pkm.__build__}"
     compared = shell("compare", table, "robot7", "--since", "2026-03-01")
     assert compared.returncode == 0 and "moved" in compared.stdout and "shoulder_left.coulomb" in compared.stdout
     for wrong in (["compare", table, "robot1", "--since", "2026-03-01"], ["identify", tmp_path / "none", "--table", table]):

@@ -1,5 +1,7 @@
 """What changed on a robot: against scipy's tests, and how often nothing is taken for something."""
 
+import datetime
+
 import numpy as np
 import pytest
 
@@ -106,6 +108,30 @@ def test_robots_and_spans_are_compared():
     assert list(by_week[by_week["quantity"] == "a"]["change"]) == pytest.approx([1.0, 6.0])
     long = fleet.history(table(rows), "r7")
     assert sorted(long[long["quantity"] == "a"]["value"]) == [2.0, 3.0, 9.0, 99.0]
+
+
+def test_a_recording_counts_once():
+    """What another build, robot file or settings made of the same bytes is no second measurement."""
+    days = {"2026-02-01": 1.0, "2026-02-02": 1.1, "2026-03-01": 1.3, "2026-03-02": 1.4}
+    once = [{**row("r7", day, {"a": v}, 0.1), "recordings_sha256": [day], "finished": stamp(9)} for day, v in days.items()]
+    # Made before, by an engine that was wrong, and after, where nothing came of it.
+    before = [{**row("r7", day, {"a": 5.0}, 0.1), "recordings_sha256": [day], "finished": stamp(8)} for day in days]
+    after = [{**row("r7", day, {}, 0.1, status="error", rms=7.0), "recordings_sha256": [day], "finished": stamp(10)} for day in days]
+    rows, only = table([*before, *once, *after]), table(once)
+    for ask in (lambda t: fleet.compare(t, "r7", since="2026-03-01"), lambda t: fleet.weeks(t, "r7")):
+        assert ask(rows).equals(ask(only))
+    assert of(fleet.compare(rows, "r7", since="2026-03-01"), "a")["n_before"] == 2
+    # The history is all there is.
+    assert len(fleet.history(rows, "r7").query("quantity == 'a'")) == 8
+    # Nor is what the other kind of work says of the model as given.
+    judged = [{**r, "kind": "diagnose", "key": r["key"] + "d", "quantities": []} for r in once]
+    both = fleet.compare(table([*once, *judged]), "r7", since="2026-03-01")
+    errors = both[both["quantity"].str.startswith(fleet._compare.ERROR)]
+    assert len(errors) == 2 and set(errors["n_before"]) == {2}
+
+
+def stamp(hour):
+    return datetime.datetime(2026, 4, 1, hour, tzinfo=datetime.timezone.utc)
 
 
 def test_bad_questions_are_refused(tmp_path):

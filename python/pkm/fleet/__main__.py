@@ -11,6 +11,7 @@ from typing import Any
 
 import pkm
 from pkm import fleet
+from pkm.fleet._run import run
 
 EXAMPLES = """\
 DIR holds a folder per robot: robot.toml and its URDF, and below them folders of recordings (.csv, .mcap), best named by their day:
@@ -23,7 +24,7 @@ examples:
   python -m pkm.fleet compare parameters.parquet robot7 --against robot3
   python -m pkm.fleet --bench --workers 2
 
-exit status: 0 done (whatever was found), 1 rows with an error or lost ones, 2 bad usage or bad input
+exit status: 0 done (whatever was found), 1 recordings whose rows are errors or lost, 2 bad usage or bad input
 """
 
 
@@ -34,7 +35,7 @@ def _arguments() -> argparse.ArgumentParser:
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    top.add_argument("--version", action="version", version=f"pkm {pkm.__version__}")
+    top.add_argument("--version", action="version", version=f"pkm {pkm.__build__}")
     top.add_argument("--bench", action="store_true", help="measure what the workers gain over one process, and stop")
     top.add_argument("--tasks", type=_positive, default=16, metavar="N", help="of --bench: diagnoses [16]")
     top.add_argument("--rounds", type=_positive, default=3, metavar="N", help="of --bench: rounds, of which the median counts [3]")
@@ -90,11 +91,11 @@ def _work(given: argparse.Namespace) -> int:
             raise ValueError("not an object")
     except ValueError as error:
         raise ValueError(f"--settings: {error}") from None
-    kind = fleet.diagnose if given.verb == "diagnose" else fleet.identify
     tasks = fleet.find(given.root)
     if not tasks:
         raise ValueError(f"{given.root}: no recordings")
-    rows = kind(
+    rows, keys = run(
+        given.verb,
         tasks,
         given.table,
         settings=settings,
@@ -103,6 +104,8 @@ def _work(given: argparse.Namespace) -> int:
         retries=given.retries,
         progress=not given.quiet and sys.stderr.isatty(),
     )
+    # The table may hold those of other folders, of other builds and of files as they were: they have been told.
+    rows = rows[rows["key"].isin(keys)]
     for row in rows.to_dict("records"):
         words = row["error"] if row["status"] in ("error", "lost") else ", ".join(row["findings"] if row["findings"] is not None else ()) or row["says"]
         print(f"{row['unit']}  {row['taken'] or '-'}  {row['status']}  {words}")

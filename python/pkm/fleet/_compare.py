@@ -63,6 +63,8 @@ def compare(
     One of: `since`, a day: that unit's rows from before it against those from then on; `before` and `after`, two spans of days, ends
     included; `against`: another unit, which takes the place of before. `kind`: "diagnose" or "identify" rows alone.
 
+    A recording counts once in each kind: with the usable row that was finished last, whatever build of pkm, robot file or settings it is of.
+
     Columns: `quantity`, `measure`, `before`, `after`, `change`, `sd` (of the change), `p_value` (Welch), `p_holm` (over all quantities),
     `n_before`, `n_after`, and `what`: "moved" (`p_holm < level`), "same", "appeared" and "gone" (a finding on one side alone, whose
     certainty is that of its verdict), "unknown" (one row without an interval on a side). The spread of a side is the larger of what its
@@ -73,9 +75,9 @@ def compare(
         raise ValueError("one of since, before with after, or against must be given")
     if not 0.0 < level < 1.0:
         raise ValueError(f"level = {level} (must be > 0 and < 1)")
-    table = history(rows, None, kind=kind)
     full = read(rows) if isinstance(rows, str) else rows
     _known(full, unit)
+    table = _measured(full, kind)
     ours = table[table["unit"] == unit]
     if against is not None:
         _known(full, against)
@@ -93,8 +95,10 @@ def compare(
 
 def weeks(rows: pandas.DataFrame | str, unit: str, *, kind: str | None = None, level: float = 0.05) -> pandas.DataFrame:
     """Every week of a unit against the last one before it that has rows: as `compare`, with a column `week` in front (`2026-W10`)."""
-    table = history(rows, unit, kind=kind)
-    dated = table[table["taken"] != ""].copy()
+    full = read(rows) if isinstance(rows, str) else rows
+    _known(full, unit)
+    table = _measured(full, kind)
+    dated = table[(table["unit"] == unit) & (table["taken"] != "")].copy()
     dated["week"] = [_week(day) for day in dated["taken"]]
     names = sorted(set(dated["week"]))
     if len(names) < 2:
@@ -106,6 +110,21 @@ def weeks(rows: pandas.DataFrame | str, unit: str, *, kind: str | None = None, l
         parts.append(part)
     out: pandas.DataFrame = need("pandas").concat(parts, ignore_index=True)
     return out
+
+
+def _measured(rows: pandas.DataFrame, kind: str | None) -> pandas.DataFrame:
+    """`history` with every recording once: what another build or other settings made of the same bytes is no second measurement."""
+    usable = rows[~rows["status"].isin(MUTE)].sort_values("finished", kind="stable", na_position="first")
+    same = [
+        (row["unit"], row["kind"], row["key"] if row["recordings_sha256"] is None else tuple(row["recordings_sha256"]))
+        for row in usable.to_dict("records")
+    ]
+    last = {work: i for i, work in enumerate(same)}
+    table = history(usable.iloc[sorted(last.values())], kind=kind)
+    if table["kind"].nunique() > 1:
+        # Both kinds judge the model as given on the same recordings.
+        table["quantity"] = [f"{q} ({k})" if q == ERROR else q for q, k in zip(table["quantity"], table["kind"], strict=True)]
+    return table
 
 
 def _known(table: pandas.DataFrame, unit: str) -> None:

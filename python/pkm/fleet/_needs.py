@@ -1,6 +1,8 @@
-"""Packages of the extra `fleet`, imported where they are used: the rest of pkm does without."""
+"""Packages of the extra `fleet`, imported where they are used, and stores, whose errors are made one kind: the rest of pkm does without."""
 
+import contextlib
 import importlib
+from collections.abc import Iterator
 from typing import Any
 
 
@@ -10,3 +12,14 @@ def need(name: str) -> Any:
         return importlib.import_module(name)
     except ImportError as error:
         raise ImportError(f"pkm.fleet needs the package {name.split('.')[0]}: pip install pkm[fleet]") from error
+
+
+@contextlib.contextmanager
+def reaching(path: str) -> Iterator[None]:
+    """Whatever a store's library raises, as OSError in one line: its own kinds are not known here, and not every one can be pickled."""
+    try:
+        yield
+    except (OSError, ImportError):
+        raise
+    except Exception as error:
+        raise OSError(f"{path}: {type(error).__name__}: {error}".splitlines()[0]) from None

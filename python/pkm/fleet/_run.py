@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
+import threading
 import time
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-import pkm
-
 from ..progress import Progress, following
 from ._needs import need
-from ._table import LOST, Table, frame
-from ._work import Task, circumstances, done, key_of
+from ._table import Table, frame
+from ._work import LOST, Task, done, lost, lost_key
 
 if TYPE_CHECKING:
     import pandas
 
 # Tasks that the scheduler holds at a time, per thread of the workers: enough that none waits, few enough that a million are no burden.
 AHEAD = 8
+# Seconds after which the cluster is asked again how many threads it has.
+ASK_S = 5.0
+# How often a task may be cancelled, by somebody or as its scheduler is lost, and is submitted anew.
+CANCELLED = 5
 # Settings that no answer depends on, of each kind of work.
 PLACES = {"diagnose": ("scratch",)}
 # Rows and seconds after which what is done is noted.
@@ -32,22 +37,25 @@ def diagnose(tasks: Sequence[Task], table: str, **keywords: Any) -> pandas.DataF
 
     Keywords: `settings`, those of `pkm.diagnose` (`band_hz`, `floor`, `seed`, `without`, and `scratch`, a folder of the workers);
     `scheduler`, the address of a Dask scheduler or a `distributed.Client`; without it, a cluster of `workers` processes on this machine
-    (one per processor; 0: no cluster, this process
-    alone); `retries`, how often a task is tried again whose worker was lost or whose files could not be had (3); `progress`, a callable
-    that takes the share done, or True for a bar.
+    (one per processor; 0: no cluster, this process alone); `retries`, how often a task is tried again whose worker was lost or whose files
+    could not be had (3); `progress`, a callable that takes the share done, or True for a bar.
 
-    A row that the table has, of the same unit, bytes, settings and version of pkm, is not made again, wherever the files lie now. Bad input is a row with `status`
-    "error" and the reason in `error`; what was given up is "lost", and is tried again next time.
+    The last try after lost workers is made with nothing else of this run on the cluster: no task is given up for what another does to its
+    worker. A scheduler that is given tries again as often as it is set to (`distributed.scheduler.allowed-failures`) within every try.
+
+    A row that the table has, of the same unit, bytes, settings and build of pkm, is not made again, wherever the files lie now. Bad input is
+    a row with `status` "error" and the reason in `error`; what was given up is "lost", and is tried again next time. A run that is killed
+    loses the rows of its last 15 s at most. One run at a time may write a table.
     """
-    return _run("diagnose", tasks, table, **keywords)
+    return run("diagnose", tasks, table, **keywords)[0]
 
 
 def identify(tasks: Sequence[Task], table: str, **keywords: Any) -> pandas.DataFrame:
     """Identifies every task; as `diagnose`, with the keywords of `pkm.Identification` as `settings`. Base parameters are `quantities`."""
-    return _run("identify", tasks, table, **keywords)
+    return run("identify", tasks, table, **keywords)[0]
 
 
-def _run(
+def run(
     kind: str,
     tasks: Sequence[Task],
     table: str,
@@ -57,96 +65,114 @@ def _run(
     workers: int | None = None,
     retries: int = 3,
     progress: Progress = None,
-) -> pandas.DataFrame:
+) -> tuple[pandas.DataFrame, set[str]]:
+    """The table, and the keys of the rows that are these tasks'."""
     if scheduler is not None and workers is not None:
         raise ValueError("scheduler and workers cannot both be given")
     if retries < 0:
         raise ValueError(f"retries = {retries} (must be >= 0)")
+    if workers is not None and workers < 0:
+        raise ValueError(f"workers = {workers} (must be >= 0)")
     # Where series of long recordings wait changes no answer: the same work with another folder is the same work.
     place = {name: value for name, value in (settings or {}).items() if name in PLACES.get(kind, ())}
     text, store = json.dumps({k: v for k, v in (settings or {}).items() if k not in place}, sort_keys=True), Table(table)
-    before = store.rows()
+    store.ready()
     # Keys of other units cannot be this task's: they need not travel to the worker.
     known: dict[str, set[str]] = {}
-    for row in before:
+    for row in store.rows():
         if row["status"] != LOST:
             known.setdefault(row["unit"] or "", set()).add(row["key"])
     work = [(kind, task, text, frozenset(known.get(task.unit, ())), place) for task in tasks]
-    notes = _Notes(store)
-    with following(progress, f"{kind} {len(work)} tasks") as tell:
-        try:
-            if workers == 0:
-                for i, item in enumerate(work):
-                    notes.take(_alone(item, retries))
-                    tell((i + 1) / len(work))
-            else:
-                with _client(scheduler, workers, tasks, store, retries) as client:
-                    _on_cluster(client, work, retries, notes, tell)
-        finally:
-            notes.flush()
-    store.close(_without_lost(store.rows(), work))
-    return frame(store.rows())
+    with following(progress, f"{kind} {len(work)} tasks") as tell, _Notes(store) as notes:
 
+        def take(item: _Item, outcome: dict[str, Any] | str) -> None:
+            notes.take(item, outcome)
+            tell(notes.n / len(work))
 
-class _Notes:
-    """Rows on their way into the table."""
-
-    def __init__(self, store: Table) -> None:
-        self.store, self.rows, self.since = store, list[dict[str, Any]](), time.monotonic()
-
-    def take(self, row: dict[str, Any] | None) -> None:
-        if row is not None:
-            self.rows.append(row)
-        if len(self.rows) >= NOTE_ROWS or time.monotonic() - self.since > NOTE_S:
-            self.flush()
-
-    def flush(self) -> None:
-        self.store.add(self.rows)
-        self.rows, self.since = [], time.monotonic()
+        if workers == 0:
+            for item in work:
+                take(item, _alone(item, retries))
+        elif work:
+            with _client(scheduler, workers, tasks) as client:
+                _on_cluster(client, work, retries, take)
+    # What was given up once and has come since.
+    store.close([row for row in store.rows() if row["key"] not in notes.come])
+    return frame(store.rows()), notes.keys
 
 
 _Item = tuple[str, Task, str, frozenset[str], dict[str, Any]]
 
 
-def _without_lost(rows: list[dict[str, Any]], work: list[_Item]) -> list[dict[str, Any]]:
-    """Rows less those that were given up once and have come since."""
-    there = {(r["kind"], r["settings"], *r["recordings"], *r["holdout"]) for r in rows if r["status"] != LOST}
-    ours = {(kind, settings, *task.names) for kind, task, settings, *_ in work}
-    come = there & ours
-    return [r for r in rows if not (r["status"] == LOST and (r["kind"], r["settings"], *r["recordings"], *r["holdout"]) in come)]
+class _Notes:
+    """Rows on their way into the table: noted when they are many, and by a thread when they have waited, as the next may take an hour."""
+
+    def __init__(self, store: Table) -> None:
+        self.store, self.n = store, 0
+        self.keys: set[str] = set()
+        # Keys under which what is done now would have been lost.
+        self.come: set[str] = set()
+        self.rows: list[dict[str, Any]] = []
+        self.refused: Exception | None = None
+        self.lock, self.over = threading.Lock(), threading.Event()
+        self.thread = threading.Thread(target=self._watch, daemon=True)
+
+    def __enter__(self) -> _Notes:
+        self.thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.over.set()
+        self.thread.join()
+        self.flush()
+
+    def take(self, item: _Item, outcome: dict[str, Any] | str) -> None:
+        """The row of a task, or its key where the table has the row."""
+        self.n += 1
+        self.keys.add(outcome if isinstance(outcome, str) else outcome["key"])
+        if isinstance(outcome, str) or outcome["status"] != LOST:
+            self.come.add(lost_key(*item[:3]))
+        if isinstance(outcome, str):
+            return
+        with self.lock:
+            self.rows.append(outcome)
+        if self.refused is not None:
+            raise self.refused
+        if len(self.rows) >= NOTE_ROWS:
+            self.flush()
+
+    def flush(self) -> None:
+        """Notes what there is; what the store refuses stays."""
+        with self.lock:
+            rows, self.rows = self.rows, []
+        try:
+            self.store.add(rows)
+        except BaseException:
+            with self.lock:
+                self.rows = rows + self.rows
+            raise
+
+    def _watch(self) -> None:
+        while not self.over.wait(NOTE_S):
+            try:
+                self.flush()
+            except Exception as error:
+                # For the next row to tell: whoever waits for it cannot be reached from here.
+                self.refused = error
+                return
 
 
-def _alone(item: _Item, retries: int) -> dict[str, Any] | None:
+def _alone(item: _Item, retries: int) -> dict[str, Any] | str:
     for left in range(retries, -1, -1):
         try:
             return done(*item)
         except OSError as error:
             if left == 0:
-                return _lost(item, str(error))
+                return lost(*item[:3], str(error))
     raise AssertionError("retries are not negative")
 
 
-def _lost(item: _Item, reason: str) -> dict[str, Any]:
-    """The row of a task that was given up: its bytes are not known, so its key is made of names."""
-    kind, task, settings, *_ = item
-    robot = task.robot if isinstance(task.robot, str) else task.robot.name
-    return {
-        "key": key_of(LOST + kind, task, robot, task.names, settings),
-        "kind": kind,
-        "unit": task.unit,
-        "taken": task.taken,
-        "robot_path": robot,
-        "recordings": list(task.names[: len(task.recordings)]),
-        "holdout": list(task.names[len(task.recordings) :]),
-        "settings": settings,
-        "pkm_version": pkm.__version__,
-        "status": LOST,
-        "error": reason,
-    } | circumstances(0.0)
-
-
 @contextlib.contextmanager
-def _client(scheduler: Any, workers: int | None, tasks: Sequence[Task], store: Table, retries: int) -> Iterator[Any]:
+def _client(scheduler: Any, workers: int | None, tasks: Sequence[Task]) -> Iterator[Any]:
     """A client of the given scheduler, or of processes on this machine."""
     distributed = need("distributed")
     if isinstance(scheduler, distributed.Client):
@@ -158,61 +184,89 @@ def _client(scheduler: Any, workers: int | None, tasks: Sequence[Task], store: T
         return
     n = workers or os.cpu_count() or 1
     # A file system in memory is that of one process.
-    in_memory = any(str(p).startswith("memory://") for t in tasks for p in (t.robot, *t.recordings, *t.holdout))
+    in_memory = any(isinstance(p, str) and p.startswith("memory://") for t in tasks for p in (t.robot, *t.recordings, *t.holdout))
     # Threads of the engine and processes of the cluster would share the processors: one thread each.
     options: dict[str, Any] = {"processes": False} if in_memory else {"processes": True, "env": {"RAYON_NUM_THREADS": "1"}}
-    # A worker that is lost is started anew; on a busy machine that takes longer than the cluster would wait before it does without.
-    lost = {"distributed.scheduler.allowed-failures": retries, "distributed.deploy.lost-worker-timeout": "10 minutes"}
+    # Lost workers are counted here, task by task. They are started anew; on a busy machine that takes longer than the cluster would wait
+    # before it does without.
+    how = {"distributed.scheduler.allowed-failures": 0, "distributed.deploy.lost-worker-timeout": "10 minutes"}
     with (
-        need("dask").config.set(lost),
+        need("dask").config.set(how),
         distributed.LocalCluster(n_workers=n, threads_per_worker=1, dashboard_address=None, **options) as cluster,
         distributed.Client(cluster) as client,
     ):
         yield client
 
 
-def _on_cluster(client: Any, work: list[_Item], retries: int, notes: _Notes, tell: Callable[[float], object]) -> None:
-    distributed = need("distributed")
-    left = iter(work)
-    item_of: dict[str, _Item] = {}
-    tries: dict[str, int] = {}
+def _on_cluster(client: Any, work: list[_Item], retries: int, take: Callable[[_Item, dict[str, Any] | str], None]) -> None:
+    running, room = need("distributed").as_completed(), _room(client)
+    left = iter(range(len(work)))
+    number_of: dict[str, int] = {}
+    tries, cancelled = Counter[int](), Counter[int]()
+    last: deque[int] = deque()
 
-    def submit(item: _Item) -> Any:
-        # `done` is not a pure function of its arguments: files change, so nothing may be answered from the scheduler's memory.
-        future = client.submit(done, *item, pure=False, retries=retries)
-        item_of[future.key] = item
-        return future
+    def submit(number: int) -> None:
+        try:
+            # `done` is not a pure function of its arguments: files change, so nothing may be answered from the scheduler's memory.
+            # Its `retries` are of errors alone, not of lost workers.
+            future = client.submit(done, *work[number], pure=False, retries=retries)
+        finally:
+            # A client that has closed would never say what became of the task; and that says nothing of it.
+            if client.status in ("closing", "closed"):
+                raise ConnectionError("the scheduler was lost; rows that were done are kept, and the same call goes on from there")
+        number_of[future.key] = number
+        running.add(future)
 
-    threads = max(sum(client.nthreads().values()), 1)
-    first = [submit(item) for _, item in zip(range(AHEAD * threads), left, strict=False)]
-    running, n_done = distributed.as_completed(first), 0
+    def fill() -> None:
+        n = next(room)
+        while len(number_of) < n and (number := next(left, None)) is not None:
+            submit(number)
+        if last and not number_of:
+            submit(last.popleft())
+
+    fill()
     for future in running:
-        item = item_of.pop(future.key)
-        if future.status == "error":
-            row, again = _failed(future.exception(), item, tries, retries)
-            if again:
-                running.add(submit(item))
-                continue
-        elif future.status == "cancelled":
-            row = _lost(item, "the scheduler was lost, or the task was cancelled")
+        number = number_of.pop(future.key)
+        if future.status == "finished":
+            take(work[number], future.result())
+        elif future.status == "cancelled" and cancelled[number] < CANCELLED:
+            # By a scheduler or a cluster that was started anew, which is no fault of its tasks.
+            cancelled[number] += 1
+            submit(number)
         else:
-            row = future.result()
-        notes.take(row)
-        n_done += 1
-        tell(n_done / len(work))
-        following_item = next(left, None)
-        if following_item is not None:
-            running.add(submit(following_item))
+            reason, again = _failed(future)
+            tries[number] += again
+            if not again:
+                take(work[number], lost(*work[number][:3], reason))
+            elif tries[number] > retries:
+                take(work[number], lost(*work[number][:3], f"tried {tries[number]} times: {reason}"))
+            elif tries[number] == retries:
+                last.append(number)
+            else:
+                submit(number)
+        fill()
 
 
-def _failed(error: BaseException, item: _Item, tries: dict[str, int], retries: int) -> tuple[dict[str, Any] | None, bool]:
-    """The row of a task that failed, or that it is to be tried again."""
-    distributed = need("distributed")
-    if isinstance(error, distributed.KilledWorker):
-        # A scheduler that is not ours gives up after as many lost workers as it pleases.
-        name = repr((item[1].unit, item[1].names))
-        tries[name] = tries.get(name, 0) + 1
-        return _lost(item, f"the worker was lost {tries[name]} times: {error}".splitlines()[0]), tries[name] <= retries
+def _room(client: Any) -> Iterator[int]:
+    """How many tasks the scheduler may hold, whenever asked: a cluster grows and shrinks."""
+    asked, threads = -math.inf, 1
+    while True:
+        # While the client looks for its scheduler, what was known before has to do.
+        if time.monotonic() - asked >= ASK_S and client.status == "running":
+            with contextlib.suppress(OSError):
+                threads = max(sum(client.nthreads().values()), 1)
+            asked = time.monotonic()
+        yield AHEAD * threads
+
+
+def _failed(future: Any) -> tuple[str, bool]:
+    """Why a task has no row, and whether it is to be tried again; raises what is no fault of one task."""
+    if future.status == "cancelled":
+        return f"cancelled {CANCELLED + 1} times, by whoever did or for schedulers that were lost", False
+    error = future.exception()
+    if isinstance(error, need("distributed").KilledWorker):
+        return f"the worker was lost: {error}".splitlines()[0], True
     if isinstance(error, OSError):
-        return _lost(item, str(error)), False
+        # The scheduler has tried again already.
+        return str(error), False
     raise error

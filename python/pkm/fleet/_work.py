@@ -11,19 +11,19 @@ import tempfile
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime, timezone
+from datetime import date, datetime, timezone
 from pathlib import Path
 from typing import Any
 
 import pkm
 
-from ._needs import need
+from ._needs import need, reaching
 
 # What `pkm.read` takes.
 SUFFIXES = (".csv", ".mcap")
-# Kinds of work.
-KINDS = ("diagnose", "identify")
-# Names of folders and sessions that say when something was recorded.
+# Status of what is tried again next time: files that could not be had, workers that were lost.
+LOST = "lost"
+# In names of folders and sessions, when something was recorded.
 DATE = re.compile(r"(?<!\d)(\d{4}-\d{2}-\d{2})(?!\d)")
 
 
@@ -46,6 +46,8 @@ class Task:
     def __post_init__(self) -> None:
         if isinstance(self.recordings, str) or isinstance(self.holdout, str) or not self.recordings:
             raise ValueError(f"task of {self.unit or 'a robot'}: recordings must be a sequence of one or more")
+        if self.taken and not _is_day(self.taken[:10]):
+            raise ValueError(f"task of {self.unit or 'a robot'}: taken = {self.taken!r} (must begin with a day like 2026-03-01)")
         object.__setattr__(self, "recordings", tuple(self.recordings))
         object.__setattr__(self, "holdout", tuple(self.holdout))
         object.__setattr__(self, "names", tuple(_name(r) for r in (*self.recordings, *self.holdout)))
@@ -55,6 +57,22 @@ def _name(recording: str | pkm.Recording) -> str:
     return recording if isinstance(recording, str) else recording.name
 
 
+def _path(robot: str | pkm.Robot) -> str:
+    return robot if isinstance(robot, str) else robot.name
+
+
+def _is_day(text: str) -> bool:
+    try:
+        return date.fromisoformat(text).isoformat() == text
+    except ValueError:
+        return False
+
+
+def _day_in(text: str) -> str:
+    """The first day in a text, or nothing: what only looks like one would stop a comparison by weeks."""
+    return next((day for day in DATE.findall(text) if _is_day(day)), "")
+
+
 def find(root: str, *, holdout: str = "holdout") -> list[Task]:
     """The tasks below a folder: every folder that holds recordings is one, with the robot.toml in it or in the nearest folder above.
 
@@ -62,7 +80,10 @@ def find(root: str, *, holdout: str = "holdout") -> list[Task]:
     Files whose name begins with `holdout` are only judged on. A folder of recordings without a robot is an error.
     """
     fs, path = need("fsspec").core.url_to_fs(root)
-    names = sorted(name for name in fs.find(path) if not posixpath.basename(name).startswith("."))
+    with reaching(root):
+        # Recordings come from elsewhere, and what was listed once would be remembered.
+        fs.invalidate_cache()
+        names = sorted(name for name in fs.find(path) if not posixpath.basename(name).startswith("."))
     robots = {posixpath.dirname(name) for name in names if posixpath.basename(name) == "robot.toml"}
     by_folder: dict[str, list[str]] = {}
     for name in names:
@@ -77,7 +98,6 @@ def find(root: str, *, holdout: str = "holdout") -> list[Task]:
         learned = [f for f in files if f not in held]
         if not learned:
             raise ValueError(f"{fs.unstrip_protocol(folder)}: every recording is held out, none to learn from")
-        date = DATE.search(posixpath.relpath(folder, home))
         url = _same_kind(fs, root)
         tasks.append(
             Task(
@@ -85,7 +105,7 @@ def find(root: str, *, holdout: str = "holdout") -> list[Task]:
                 tuple(map(url, learned)),
                 tuple(map(url, held)),
                 unit=posixpath.relpath(home, path) if home != path else posixpath.basename(home),
-                taken=date.group(1) if date else "",
+                taken=_day_in(posixpath.relpath(folder, home)),
             )
         )
     return tasks
@@ -105,14 +125,11 @@ def _same_kind(fs: Any, root: str) -> Any:
 
 def fetched(path: str) -> bytes:
     """The bytes behind a path of fsspec; OSError where they cannot be had."""
-    try:
-        with need("fsspec").open(path, "rb") as file:
-            data: bytes = file.read()
-            return data
-    except OSError:
-        raise
-    except ValueError as error:  # An unknown protocol.
-        raise OSError(f"{path}: {error}") from error
+    with reaching(path):
+        fs, name = need("fsspec").core.url_to_fs(path)
+        # Not by `open`: that goes by a length which may have been listed before the file grew.
+        data: bytes = fs.cat_file(name)
+        return data
 
 
 def sha256(data: bytes) -> str:
@@ -166,23 +183,26 @@ def _recording(given: str | pkm.Recording, data: bytes | None) -> pkm.Recording:
 
 
 def key_of(kind: str, task: Task, robot: str, recordings: Sequence[str], settings: str) -> str:
-    """What makes two rows the same work: version, kind, settings, the unit, and every byte that went in; not where the files lie."""
-    parts = [pkm.__version__, kind, settings, task.unit, robot, str(len(task.recordings)), *recordings]
+    """What makes two rows the same work: build of pkm, kind, settings, the unit, and every byte that went in; not where the files lie."""
+    parts = [pkm.__build__, kind, settings, task.unit, robot, str(len(task.recordings)), *recordings]
     return sha256("\n".join(parts).encode())
 
 
-def done(kind: str, task: Task, settings: str, known: frozenset[str], place: dict[str, Any]) -> dict[str, Any] | None:
-    """The row of a task; None where a row with its key is known; `place` are settings that no answer depends on. Bad input is a row with an error, a file that cannot be had an OSError."""
+def done(kind: str, task: Task, settings: str, known: frozenset[str], place: dict[str, Any]) -> dict[str, Any] | str:
+    """The row of a task, or its key where a row with that is known; `place` are settings that no answer depends on.
+
+    Bad input is a row with an error, a file that cannot be had an OSError.
+    """
     started = time.perf_counter()
     row: dict[str, Any] = {
         "kind": kind,
         "unit": task.unit,
         "taken": task.taken,
-        "robot_path": task.robot if isinstance(task.robot, str) else task.robot.name,
+        "robot_path": _path(task.robot),
         "recordings": [_name(r) for r in task.recordings],
         "holdout": [_name(r) for r in task.holdout],
         "settings": settings,
-        "pkm_version": pkm.__version__,
+        "pkm_version": pkm.__build__,
     }
     given = [*task.recordings, *task.holdout]
     data = [fetched(r) if isinstance(r, str) else None for r in given]
@@ -195,7 +215,7 @@ def done(kind: str, task: Task, settings: str, known: frozenset[str], place: dic
     n = len(task.recordings)
     row["key"] = key_of(kind, task, robot_hash or str(reason), hashes, settings)
     if row["key"] in known:
-        return None
+        return str(row["key"])
     row |= {"robot_sha256": robot_hash, "recordings_sha256": hashes[:n], "holdout_sha256": hashes[n:]}
     try:
         if texts is None:
@@ -206,12 +226,39 @@ def done(kind: str, task: Task, settings: str, known: frozenset[str], place: dic
         row |= _answer(kind, robot, recordings[:n], recordings[n:], json.loads(settings) | place)
     except ValueError as error:
         row |= {"status": "error", "error": str(error)}
+    except MemoryError:
+        # Of this worker as it is now, not of the recording.
+        raise OSError(f"{', '.join(task.names)}: out of memory") from None
+    except (OSError, ImportError):
+        raise
     except BaseException as error:
         # A fault of the library must not end the run of a thousand recordings; Ctrl-C must.
-        if type(error).__name__ != "PanicException":
+        if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
             raise
-        row |= {"status": "error", "error": f"fault in pkm: {error}"}
+        row |= {"status": "error", "error": f"fault in pkm: {type(error).__name__}: {error}"}
     return row | circumstances(time.perf_counter() - started)
+
+
+def lost(kind: str, task: Task, settings: str, reason: str) -> dict[str, Any]:
+    """The row of a task that was given up."""
+    return {
+        "key": lost_key(kind, task, settings),
+        "kind": kind,
+        "unit": task.unit,
+        "taken": task.taken,
+        "robot_path": _path(task.robot),
+        "recordings": list(task.names[: len(task.recordings)]),
+        "holdout": list(task.names[len(task.recordings) :]),
+        "settings": settings,
+        "pkm_version": pkm.__build__,
+        "status": LOST,
+        "error": reason,
+    } | circumstances(0.0)
+
+
+def lost_key(kind: str, task: Task, settings: str) -> str:
+    """Made of names, as the bytes are not known; whichever build gave it up, it is the same that is missing."""
+    return sha256("\n".join([LOST, kind, settings, task.unit, _path(task.robot), *task.names]).encode())
 
 
 def circumstances(seconds: float) -> dict[str, Any]:
@@ -221,7 +268,7 @@ def circumstances(seconds: float) -> dict[str, Any]:
 
 def _taken(row: dict[str, Any], recordings: Sequence[pkm.Recording]) -> dict[str, str]:
     sessions = (str(r.meta.get("session", "")) for r in recordings)
-    return {"taken": row["taken"] or next((d.group(1) for s in sessions if (d := DATE.search(s))), "")}
+    return {"taken": row["taken"] or next(filter(None, map(_day_in, sessions)), "")}
 
 
 def _answer(
