@@ -206,14 +206,14 @@ def main(folder, table, rounds):
     nominal = np.concatenate([robot.parameters(), robot.armature, model.damping, model.upperDryFrictionLimit, np.zeros(6)])
 
     q, v, a, tau, dt = motion(train, robot.actuators)
-    room = robot.regressor(q, v, a)
+    room = robot.actuated_regressor(q, v, a)
     other = np.empty_like(room)
     tau_of = lambda y: (y.reshape(-1, y.shape[2]).T @ y.reshape(-1, y.shape[2]), y.reshape(-1, y.shape[2]).T @ tau.ravel())
     (ours, into, written, shared, products, theirs, with_products), (y, _, _, _, sums, y_pin, sums_pin) = best(
         rounds,
         [
-            lambda: robot.regressor(q, v, a),
-            lambda: robot.regressor(q, v, a, out=room),
+            lambda: robot.actuated_regressor(q, v, a),
+            lambda: robot.actuated_regressor(q, v, a, out=room),
             lambda: other.fill(1.0),
             lambda: filled_by_all(other),
             lambda: robot.regressor_products(q, v, a, tau),
@@ -228,7 +228,7 @@ def main(folder, table, rounds):
     out = [
         f"| regressor of {len(q)} samples | time | beside the next row of Pinocchio |",
         "|---|---|---|",
-        f"| `pkm`, `robot.regressor(q, v, a)` | {1e3 * ours:.0f} ms | {theirs / ours:.1f} × as fast |",
+        f"| `pkm`, `robot.actuated_regressor(q, v, a)` | {1e3 * ours:.0f} ms | {theirs / ours:.1f} × as fast |",
         f"| the same with `out=` | {1e3 * into:.0f} ms | {theirs / into:.1f} × as fast |",
         f"| numpy writing one number {room.size:,} times: {room.nbytes / 1e6:.0f} MB, one thread, nothing computed | {1e3 * written:.0f} ms | {theirs / written:.1f} × as fast |",
         f"| the same on every processor at once: nothing that returns this array is faster | {1e3 * shared:.0f} ms | {theirs / shared:.1f} × as fast |",

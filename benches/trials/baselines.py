@@ -74,7 +74,7 @@ class Bench:
         self.model = rigid + friction[:, :, nv : 2 * nv] @ frictions[0] + friction[:, :, 2 * nv :] @ frictions[1]
         self.nominal = self.rows(self.model)
         self.left = self.tau - self.nominal
-        self.rigid = self.rows(robot.regressor(*self.motion))
+        self.rigid = self.rows(robot.actuated_regressor(*self.motion))
         self.friction = self.rows(friction)
         self.tilt = [self.rows(other.inverse_dynamics(*self.motion) - rigid) / 0.01 for other in tilted]
 

@@ -21,8 +21,12 @@ def names() -> list[str]:
     return sorted(path.stem for path in HERE.glob("*.ipynb"))
 
 
-def execute(name: str, out: Path | None) -> str | None:
-    """Runs one notebook and writes it with its outputs below `out`; what went wrong, or None."""
+# What a notebook prints that had nothing to work on.
+SKIPPED = "not here and not to be had"
+
+
+def execute(name: str, out: Path | None) -> tuple[str, str | None]:
+    """Runs one notebook and writes it with its outputs below `out`; how it went, and what went wrong or was not there."""
     notebook = nbformat.read(HERE / f"{name}.ipynb", as_version=4)
     problem = None
     try:
@@ -32,7 +36,11 @@ def execute(name: str, out: Path | None) -> str | None:
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         nbformat.write(notebook, out / f"{name}.ipynb")
-    return problem
+    if problem is not None:
+        return "failed", problem
+    printed = "".join(output.get("text", "") for cell in notebook.cells for output in cell.get("outputs", []))
+    lacking = [line for line in printed.splitlines() if SKIPPED in line]
+    return ("skipped", lacking[0]) if lacking else ("ran", None)
 
 
 def main() -> int:
@@ -47,11 +55,11 @@ def main() -> int:
     failed = False
     for name in given.names or names():
         start = time.monotonic()
-        problem = execute(name, given.out)
-        print(f"{name}: {'failed' if problem else 'ran'} in {time.monotonic() - start:.0f} s", flush=True)
-        if problem:
-            print(problem, file=sys.stderr)
-            failed = True
+        outcome, why = execute(name, given.out)
+        print(f"{name}: {outcome} in {time.monotonic() - start:.0f} s", flush=True)
+        if why:
+            print(why, file=sys.stderr)
+        failed |= outcome == "failed"
     return int(failed)
 
 

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final, Literal, TypedDict, final, type_check_only
+from typing import TYPE_CHECKING, Any, Final, Literal, final
 
 import numpy
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from .answers import (
     AppliedEffect,
     CatalogueEntry,
+    ControllerHealth,
     DriveGains,
     FrictionShape,
     Margin,
@@ -17,6 +18,7 @@ from .answers import (
     Quality,
     Reproduction,
     Singularities,
+    UncertaintyBlock,
     Workspace,
 )
 from .evidence import Evidence
@@ -36,6 +38,7 @@ __all__ = [
     "Recording",
     "Report",
     "Robot",
+    "__build__",
     "__version__",
     "diagnose",
     "effects",
@@ -51,6 +54,7 @@ __all__ = [
     "write",
 ]
 
+__build__: Final[str]
 __version__: Final[str]
 
 @final
@@ -106,14 +110,17 @@ class Robot:
     def parameters(self) -> NDArray[numpy.float64]:
         """Inertial parameters, shape (10 * nv,): mass, mx, my, mz, ixx, ixy, iyy, ixz, iyz, izz of each body [kg, kg·m, kg·m²]."""
 
-    def tree_motion(
+    def closed_loop_motion(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike
     ) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64], NDArray[numpy.float64]]:
         """Motion of all joints, three arrays (n_samples, nv), for a motion of the drives, three arrays (n_samples, n_act)."""
 
     @property
     def independent(self) -> list[str]:
-        """Names of the joints whose motion determines all others: the drives, or as many of them as there are freedoms."""
+        """Names of the joints whose motion determines all others at the assembly: the drives, or as many as there are freedoms."""
+
+    def independent_at(self, q: ArrayLike) -> NDArray[numpy.uintp]:
+        """Indices into `joints` of the independent coordinates at every pose, (n_samples, independent). q (n_samples, n_act)."""
 
     def crba(self, q: ArrayLike) -> NDArray[numpy.float64]:
         """Mass matrix of the tree, (n_samples, nv, nv), loops open, rotors included. q (n_samples, nv)."""
@@ -128,9 +135,12 @@ class Robot:
         """Efforts that hold the tree against gravity [N | N·m], (n_samples, nv). q (n_samples, nv)."""
 
     def forward_dynamics(
-        self, q: ArrayLike, v: ArrayLike, tau: ArrayLike
+        self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, *, stabilisation: float = 0.0
     ) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
-        """Accelerations (n_samples, nv) and loop efforts lambda (n_samples, rows), loops closed: M a + nle = tau + J^T lambda."""
+        """Accelerations (n_samples, nv) and loop efforts lambda (n_samples, rows), loops closed: M a + nle = tau + J^T lambda.
+
+        `stabilisation`: rate at which gaps of a simulated robot are closed [1/s].
+        """
 
     def loop_gap(self, q: ArrayLike) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
         """Closure error of every constraint row [m | rad], (n_samples, rows), and its Jacobian, (n_samples, rows, nv)."""
@@ -181,13 +191,34 @@ class Robot:
     def internal_efforts(self, q: ArrayLike) -> NDArray[numpy.float64]:
         """Efforts of the drives that move nothing, as orthonormal columns, (n_samples, n_act, n_act - mobility)."""
 
+    def loop_wrenches(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
+        """Wrench of each loop's joint on the link of frame b, (n_samples, loops, 6), about b's origin in a's axes. Arguments (n_samples, n_act)."""
+
+    def reduction(self, q: ArrayLike) -> NDArray[numpy.float64]:
+        """G of v_tree = G v_ind, (n_samples, nv, independent). q (n_samples, n_act)."""
+
+    def drive_jacobian(self, q: ArrayLike) -> NDArray[numpy.float64]:
+        """B of v_act = B v_ind, (n_samples, n_act, independent). q (n_samples, n_act)."""
+
+    def distribution(self, q: ArrayLike) -> NDArray[numpy.float64]:
+        """D of the smallest tau_act = D tau_ind, (n_samples, n_act, independent). q (n_samples, n_act)."""
+
+    def drive_reduction(self, q: ArrayLike) -> NDArray[numpy.float64]:
+        """R = G D^T, the tree's motion per motion of each drive, (n_samples, nv, n_act). q (n_samples, n_act)."""
+
+    def project(self, q: ArrayLike, v: ArrayLike) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
+        """The state with loops closed, independent coordinates kept, (n_samples, nv) each, as the arguments are."""
+
+    def output_jacobian(self, q: ArrayLike, *, link: str | None = None) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
+        """Coordinates of the output, x y z [m] rx ry rz [rad], (n_samples, 6), and their rates per joint's, (n_samples, 6, nv). q (n_samples, nv)."""
+
     def joint_effort(self, joint: str, v: ArrayLike, *, q: float = 0.0, load: float = 0.0) -> NDArray[numpy.float64]:
         """Effort of one joint's own laws [N | N·m], friction of the URDF and effects of the file, (n_samples,); zero at rest."""
 
     def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> NDArray[numpy.float64]:
         """Effort of the drives [N | N·m], (n_samples, n_act): rigid bodies and rotor inertia. Arguments (n_samples, n_act)."""
 
-    def regressor(
+    def actuated_regressor(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, out: NDArray[numpy.float64] | None = None
     ) -> NDArray[numpy.float64]:
         """Regressor of the independent coordinates (the drives), (n_samples, independent, 10 * nv). Arguments (n_samples, n_act).
@@ -221,6 +252,7 @@ class Robot:
         singularity_limit: float = 0.0,
         condition_limit: float = ...,
         length: float = 1.0,
+        progress: Progress = None,
     ) -> Workspace:
         """Which poses can be reached, over one to three axes: x y z rx ry rz of the link or driven joints, values [m | rad]."""
 
@@ -608,7 +640,7 @@ class Plant:
     def step(self, tau: ArrayLike, dt: float) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
         """Moves on by dt [s] under efforts that are constant meanwhile: (q, v) of the drives at the end."""
 
-    def run(self, tau: ArrayLike, dt: float) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
+    def run(self, tau: ArrayLike, dt: float, *, progress: Progress = None) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
         """One step of dt [s] per row of efforts (n_samples, n_act): (q, v) at the end of each, of the same shape."""
 
 def diagnose(
@@ -628,20 +660,6 @@ def diagnose(
     `scratch`: folder for a nameless temporary file in which the series of long recordings wait, beyond half a gigabyte of them, by default
     the system's own; with None all stay in memory, and no number changes.
     """
-
-@type_check_only
-class UncertaintyKind(TypedDict):
-    """What every block of an uncertainty says."""
-
-    kind: Literal["real", "complex", "full"]
-
-@type_check_only
-class UncertaintyBlock(UncertaintyKind, total=False):
-    """One block of an uncertainty: `repeats` of scalars, `rows` and `cols` of a full block; 1 by default."""
-
-    repeats: int
-    rows: int
-    cols: int
 
 @final
 class Mu:
@@ -694,32 +712,6 @@ def mu(
 ) -> Mu:
     """Bounds the structured singular value of a complex matrix, or of a system (A, B, C, D) over a range of frequencies."""
 
-@type_check_only
-class ActedLimit(TypedDict):
-    """A limit that acted; `where` is a joint or a component of the wrench, None for the workspace."""
-
-    limit: Literal["Position", "Velocity", "Effort", "EffortRate", "Wrench", "Workspace", "Singularity"]
-    where: str | None
-
-@type_check_only
-class ControllerFault(TypedDict):
-    """The first fault of a controller; `number` never changes behind its name `code`."""
-
-    code: str
-    number: int
-    where: str | None
-    value: float
-    limit: float
-
-@type_check_only
-class ControllerHealth(TypedDict):
-    """How a step went."""
-
-    is_faulted: bool
-    is_saturated: bool
-    acted: list[ActedLimit]
-    fault: ControllerFault | None
-
 @final
 class Controller:
     """A controller for a robot, with its state."""
@@ -771,9 +763,12 @@ class Controller:
         a_ref: ArrayLike | None = None,
         tau_ff: ArrayLike | None = None,
         tau_meas: ArrayLike | None = None,
+        wrench_meas: ArrayLike | None = None,
+        wrench_ref: ArrayLike | None = None,
         dt: float | None = None,
+        progress: Progress = None,
     ) -> NDArray[numpy.float64]:
-        """One period per row of arrays of shape (n_samples, n_drives): the commands, of the same shape."""
+        """One period per row of arrays of shape (n_samples, n_drives), wrenches (n_samples, 6): the commands, (n_samples, n_drives)."""
 
     def reset(self) -> None:
         """To rest, as before the first step."""

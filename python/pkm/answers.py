@@ -190,3 +190,43 @@ class Reproduction(TypedDict):
     title: str
     rows: list[PaperRow]
     plots: list[PaperPlot]
+
+
+class ActedLimit(TypedDict):
+    """A limit that acted; `where` is a joint or a component of the wrench, None for the workspace."""
+
+    limit: Literal["Position", "Velocity", "Effort", "EffortRate", "Wrench", "Workspace", "Singularity"]
+    where: str | None
+
+
+class ControllerFault(TypedDict):
+    """The first fault of a controller; `number` never changes behind its name `code`."""
+
+    code: str
+    number: int
+    where: str | None
+    value: float
+    limit: float
+
+
+class ControllerHealth(TypedDict):
+    """How a step went."""
+
+    is_faulted: bool
+    is_saturated: bool
+    acted: list[ActedLimit]
+    fault: ControllerFault | None
+
+
+class UncertaintyKind(TypedDict):
+    """What every block of an uncertainty says."""
+
+    kind: Literal["real", "complex", "full"]
+
+
+class UncertaintyBlock(UncertaintyKind, total=False):
+    """One block of an uncertainty: `repeats` of scalars, `rows` and `cols` of a full block; 1 by default."""
+
+    repeats: int
+    rows: int
+    cols: int

@@ -3,7 +3,7 @@
 use core::ops::Range;
 
 use numpy::ndarray::{Array1, Array2, Array3};
-use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayLikeDyn, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{AllowTypeChange, Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayLikeDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pkm_ident::bulk::Rows;
 use pyo3::prelude::*;
 
@@ -41,6 +41,11 @@ impl Samples {
             return Err(error::value(format!("{name}[{}, {}] = {} (must be finite)", at / n, at % n, values[at])));
         }
         Ok(Self { values, n, len })
+    }
+
+    /// So many vectors of zeros.
+    pub(crate) fn zeros(len: usize, n: usize) -> Self {
+        Self { values: vec![0.0; len * n], n, len }
     }
 
     /// Number of samples.
@@ -103,7 +108,7 @@ impl Motion {
     /// At rest in the poses of one array of shape `(n_samples, n)`.
     pub(crate) fn try_still(q: &ArrayLike<'_>, n: usize, columns: &str) -> PyResult<Self> {
         let q = Samples::try_new("q", q, n, columns)?;
-        let rest = || Samples { values: vec![0.0; q.values.len()], n, len: q.len };
+        let rest = || Samples::zeros(q.len, n);
         Ok(Self { v: rest(), a: rest(), q })
     }
 
@@ -141,7 +146,7 @@ pub(crate) fn read_only<'py>(py: Python<'py>, values: &[f64]) -> Bound<'py, PyAr
 }
 
 /// Row by row as an array of two axes.
-pub(crate) fn matrix(py: Python<'_>, values: Vec<f64>, shape: [usize; 2]) -> PyResult<Bound<'_, PyArray2<f64>>> {
+pub(crate) fn matrix<T: Element>(py: Python<'_>, values: Vec<T>, shape: [usize; 2]) -> PyResult<Bound<'_, PyArray2<T>>> {
     Ok(Array2::from_shape_vec((shape[0], shape[1]), values).map_err(bad_length)?.into_pyarray(py))
 }
 

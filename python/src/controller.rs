@@ -5,17 +5,17 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use numpy::ndarray::Array2;
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pkm_ctrl::config::{self, FileError};
 use pkm_ctrl::{Fault, FaultCode, Health, Limit, Running, Signals};
 use pkm_dyn::urdf::Description;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyType};
 
-use crate::array::{ArrayLike, Samples, vector};
+use crate::array::{ArrayLike, Samples, matrix, vector};
 use crate::dynamics::Robot;
-use crate::error;
+use crate::long::Progress;
+use crate::{error, long};
 
 /// Components of a wrench, in their order.
 const WRENCH: [&str; 6] = ["fx", "fy", "fz", "mx", "my", "mz"];
@@ -83,8 +83,19 @@ fn or_zero(name: &str, given: Option<&ArrayLike<'_>>, n: usize) -> PyResult<Vec<
 
 /// An optional wrench.
 fn wrench(name: &str, given: Option<&ArrayLike<'_>>) -> PyResult<[f64; 6]> {
-    let values = or_zero(name, given, 6)?;
-    values.try_into().map_err(|_| error::value(format!("{name} must have 6 components")))
+    Ok(six(&or_zero(name, given, WRENCH.len())?))
+}
+
+/// A row of six as a wrench.
+fn six(row: &[f64]) -> [f64; 6] {
+    core::array::from_fn(|k| row[k])
+}
+
+/// Optional rows of the shape that they must have: zeros where there are none.
+fn or_zeros(name: &str, given: Option<&ArrayLike<'_>>, [len, n]: [usize; 2], columns: &str) -> PyResult<Samples> {
+    let Some(given) = given else { return Ok(Samples::zeros(len, n)) };
+    let samples = Samples::try_new(name, given, n, columns)?;
+    if samples.len() == len { Ok(samples) } else { Err(error::value(format!("{name} has {} samples, q_meas has {len}", samples.len()))) }
 }
 
 #[pymethods]
@@ -178,11 +189,13 @@ impl Controller {
         Ok(tau.into_pyarray(py))
     }
 
-    /// One period per row of arrays of shape `(n_samples, n_drives)`: the commands, of the same shape.
+    /// One period per row of arrays of shape `(n_samples, n_drives)`, wrenches `(n_samples, 6)`: the commands, `(n_samples, n_drives)`.
     ///
     /// What is left out is as in `step`; every row is one period of `dt` `[s]` after the one before, one of the controller's by default. After a
-    /// fault the rest are safe commands.
-    #[pyo3(signature = (*, q_meas, q_ref = None, v_ref = None, a_ref = None, tau_ff = None, tau_meas = None, dt = None))]
+    /// fault the rest are safe commands. Ctrl-C ends it between two rows; what state the controller has then is that of the last one. `progress`: a callable that takes the share
+    /// done, or True for a bar.
+    #[pyo3(signature = (*, q_meas, q_ref = None, v_ref = None, a_ref = None, tau_ff = None, tau_meas = None, wrench_meas = None,
+        wrench_ref = None, dt = None, progress = None))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python: the signals of a step by name")]
     fn run<'py>(
         &self,
@@ -193,48 +206,46 @@ impl Controller {
         a_ref: Option<ArrayLike<'_>>,
         tau_ff: Option<ArrayLike<'_>>,
         tau_meas: Option<ArrayLike<'_>>,
+        wrench_meas: Option<ArrayLike<'_>>,
+        wrench_ref: Option<ArrayLike<'_>>,
         dt: Option<f64>,
+        progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let n = self.joints.len();
-        let len = *q_meas.shape().first().unwrap_or(&0);
         let q_meas = Samples::try_new("q_meas", &q_meas, n, "drive")?;
-        let read = |name: &str, given: Option<ArrayLike<'_>>| -> PyResult<Option<Samples>> {
-            let Some(given) = given else { return Ok(None) };
-            let samples = Samples::try_new(name, &given, n, "drive")?;
-            if samples.len() != len {
-                return Err(error::value(format!("{name} has {} samples, q_meas has {len}", samples.len())));
-            }
-            Ok(Some(samples))
-        };
-        let (q_ref, v_ref, a_ref) = (read("q_ref", q_ref)?, read("v_ref", v_ref)?, read("a_ref", a_ref)?);
-        let (tau_ff, tau_meas) = (read("tau_ff", tau_ff)?, read("tau_meas", tau_meas)?);
-        let tau = py.detach(|| {
-            let mut running = self.running();
+        let len = q_meas.len();
+        let driven = |name, given: Option<ArrayLike<'_>>| or_zeros(name, given.as_ref(), [len, n], "drive");
+        let spatial = |name, given: Option<ArrayLike<'_>>| or_zeros(name, given.as_ref(), [len, 6], "component");
+        // Standing where the robot is.
+        let q_ref = q_ref.map(|q| driven("q_ref", Some(q))).transpose()?;
+        let (v_ref, a_ref) = (driven("v_ref", v_ref)?, driven("a_ref", a_ref)?);
+        let (tau_ff, tau_meas) = (driven("tau_ff", tau_ff)?, driven("tau_meas", tau_meas)?);
+        let (wrench_meas, wrench_ref) = (spatial("wrench_meas", wrench_meas)?, spatial("wrench_ref", wrench_ref)?);
+        let progress = Progress::of(py, progress, "controlling")?;
+        let tau = long::here(py, &progress, len, |tick| {
             self.has_stepped.store(true, Ordering::Relaxed);
-            let dt = dt.unwrap_or(1.0 / running.about().rate_hz);
-            let (zero, mut tau) = (vec![0.0; n], vec![0.0; n * len]);
+            let dt = dt.unwrap_or_else(|| 1.0 / self.running().about().rate_hz);
+            let mut tau = vec![0.0; n * len];
             for (i, tau) in tau.chunks_exact_mut(n).enumerate() {
-                let row = |of: &'_ Option<Samples>| of.as_ref().map_or(zero.clone(), |s| s.row(i).to_vec());
-                let wanted = q_ref.as_ref().unwrap_or(&q_meas).row(i);
-                let (v_ref, a_ref, tau_ff, tau_meas) = (row(&v_ref), row(&a_ref), row(&tau_ff), row(&tau_meas));
                 let signals = Signals {
                     dt,
                     q_dt: dt,
                     q_meas: q_meas.row(i),
-                    tau_meas: &tau_meas,
-                    wrench_meas: [0.0; 6],
-                    q_ref: wanted,
-                    v_ref: &v_ref,
-                    a_ref: &a_ref,
-                    wrench_ref: [0.0; 6],
-                    tau_ff: &tau_ff,
+                    tau_meas: tau_meas.row(i),
+                    wrench_meas: six(wrench_meas.row(i)),
+                    q_ref: q_ref.as_ref().map_or(q_meas.row(i), |q| q.row(i)),
+                    v_ref: v_ref.row(i),
+                    a_ref: a_ref.row(i),
+                    wrench_ref: six(wrench_ref.row(i)),
+                    tau_ff: tau_ff.row(i),
                 };
-                running.step(&signals, tau);
+                // Not held while the interpreter is asked: who has that may be waiting for the controller.
+                self.running().step(&signals, tau);
+                tick();
             }
             tau
-        });
-        let tau = Array2::from_shape_vec((len, n), tau).map_err(|e| error::value(e.to_string()))?;
-        Ok(tau.into_pyarray(py))
+        })?;
+        matrix(py, tau, [len, n])
     }
 
     /// How the last step went: `is_faulted`, `is_saturated`, `acted` (which limits at which places) and `fault`, None where there is none.

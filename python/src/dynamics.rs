@@ -5,6 +5,7 @@ use alloc::sync::Arc;
 use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
+use pkm_dyn::constrained::Stabilisation;
 use pkm_dyn::effects::{Applied, JointState, Robot as Physics};
 use pkm_dyn::jacobian::Reference;
 use pkm_dyn::model::{FrameOnBody, Model};
@@ -15,6 +16,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyType};
 
 use crate::array::{ArrayLike, Motion, Samples, matrices, matrix, read_only, vector};
+use crate::long::Progress;
 use crate::{error, long, mechanics, motion, units, workspace};
 
 /// Work over samples as a long call: what it borrows goes with it.
@@ -32,6 +34,9 @@ macro_rules! over {
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
 type Matrix<'py> = Bound<'py, PyArray2<f64>>;
+
+/// Matrices of every pose, row by row, and the shape of one.
+type AtPoses = fn(&Model, &Motion) -> Result<(Vec<f64>, [usize; 2]), motion::Open>;
 
 /// A robot: rigid bodies, joints, loops, drives, and physics beyond rigid bodies. It never changes; `with_effect` returns another.
 #[pyclass(frozen, module = "pkm")]
@@ -73,6 +78,13 @@ impl Robot {
     /// The frame of a link.
     fn frame(&self, link: &str) -> PyResult<FrameOnBody> {
         self.model().frame_on("link", link, Pose::identity()).map_err(|e| error::value(e.to_string()))
+    }
+
+    /// A matrix at every pose of the drives, loops closed.
+    fn of_poses<'py>(&self, py: Python<'py>, q: &ArrayLike<'_>, find: AtPoses) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let poses = Motion::try_still(q, self.model().n_act(), "drive (robot.actuators)")?;
+        let (all, [rows, columns]) = over!(self, py, poses.len(), [poses], |model| find(model, &poses))??;
+        matrices(py, all, [poses.len(), rows, columns])
     }
 
     /// Motion of all joints of the tree.
@@ -176,7 +188,7 @@ impl Robot {
     /// Motion of all joints for a motion of the drives: `(q_tree, v_tree, a_tree)`, each of shape `(n_samples, nv)`.
     ///
     /// q `[m | rad]`, v `[m/s | rad/s]`, a `[m/s² | rad/s²]`: shape `(n_samples, n_act)`. The loops are followed from sample to sample.
-    fn tree_motion<'py>(
+    fn closed_loop_motion<'py>(
         &self,
         py: Python<'py>,
         q: ArrayLike<'py>,
@@ -189,10 +201,18 @@ impl Robot {
         Ok((matrix(py, q, shape)?, matrix(py, v, shape)?, matrix(py, a, shape)?))
     }
 
-    /// Names of the joints whose motion determines all others: the drives, or as many of them as there are freedoms.
+    /// Names of the joints whose motion determines all others at the assembly: the drives, or as many of them as there are freedoms.
     #[getter]
     fn independent(&self) -> Vec<&str> {
         self.joint_names(Data::new(self.model()).independent)
+    }
+
+    /// Indices into `joints` of the independent coordinates at every pose, shape `(n_samples, independent)`: of more drives than freedoms
+    /// those that determine the motion well there, which is another choice where another drive moves faster. q of the drives `(n_samples, n_act)`.
+    fn independent_at<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray2<usize>>> {
+        let (poses, n) = (Motion::try_still(&q, self.model().n_act(), "drive (robot.actuators)")?, self.independent().len());
+        let all = over!(self, py, poses.len(), [poses], |model| motion::independents(model, &poses))??;
+        matrix(py, all, [poses.len(), n])
     }
 
     /// Mass matrix of the tree, shape `(n_samples, nv, nv)`, loops open, rotors included. q `(n_samples, nv)`.
@@ -224,16 +244,23 @@ impl Robot {
     }
 
     /// Accelerations `(n_samples, nv)` and loop efforts `(n_samples, rows)` for efforts of the tree, loops closed:
-    /// `M a + nle = tau + J^T lambda`, `J a + drift = 0`. Arguments `(n_samples, nv)`; q and v close the loops.
+    /// `M a + nle = tau + J^T lambda`, `J a + drift + 2 rate J v + rate² gap = 0`. Arguments `(n_samples, nv)`; q and v close the loops.
+    /// `stabilisation` is the rate at which gaps of a simulated robot are closed `[1/s]`; zero leaves them.
+    #[pyo3(signature = (q, v, tau, *, stabilisation = 0.0))]
     fn forward_dynamics<'py>(
         &self,
         py: Python<'py>,
         q: ArrayLike<'py>,
         v: ArrayLike<'py>,
         tau: ArrayLike<'py>,
+        stabilisation: f64,
     ) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
+        if !(stabilisation.is_finite() && stabilisation >= 0.0) {
+            return Err(error::value(format!("stabilisation = {stabilisation} 1/s (must be finite and >= 0)")));
+        }
         let ([q, v, tau], model) = (self.tree([("q", &q), ("v", &v), ("tau", &tau)])?, self.model());
-        let [a, lambda] = over!(self, py, q.len(), [q, v, tau], |model| mechanics::constrained(model, [&q, &v, &tau]))??;
+        let rate = Stabilisation { rate: stabilisation };
+        let [a, lambda] = over!(self, py, q.len(), [q, v, tau], |model| mechanics::constrained(model, [&q, &v, &tau], rate))??;
         Ok((matrix(py, a, [q.len(), model.nv()])?, matrix(py, lambda, [q.len(), model.n_constraints()])?))
     }
 
@@ -382,9 +409,68 @@ impl Robot {
     /// Efforts of the drives that strain the robot and move nothing, as orthonormal columns, shape `(n_samples, n_act, n_act - mobility)`:
     /// no columns unless there are more drives than freedoms. q of the drives `(n_samples, n_act)`.
     fn internal_efforts<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let (poses, model) = (Motion::try_still(&q, self.model().n_act(), "drive (robot.actuators)")?, self.model());
-        let all = over!(self, py, poses.len(), [poses], |model| motion::internal_efforts(model, &poses))??;
-        matrices(py, all, [poses.len(), model.n_act(), Data::new(model).internal_efforts.ncols()])
+        self.of_poses(py, &q, motion::internal_efforts)
+    }
+
+    /// Wrench that each loop's joint exerts on the link of its frame b for a motion of the drives, shape `(n_samples, loops, 6)`: force
+    /// `[N]` and moment about b's origin `[N·m]`, in the axes of frame a; the link of a feels the opposite. Arguments `(n_samples, n_act)`.
+    fn loop_wrenches<'py>(
+        &self,
+        py: Python<'py>,
+        q: ArrayLike<'py>,
+        v: ArrayLike<'py>,
+        a: ArrayLike<'py>,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (driven, model) = (self.driven([&q, &v, &a])?, self.model());
+        let all = over!(self, py, driven.len(), [driven], |model| motion::loop_wrenches(model, &driven))??;
+        matrices(py, all, [driven.len(), model.loops.len(), 6])
+    }
+
+    /// Motion of every joint of the tree per motion of the independent coordinates (`independent_at`), `v_tree = G v_ind`, shape
+    /// `(n_samples, nv, independent)`. q of the drives `(n_samples, n_act)`.
+    fn reduction<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        self.of_poses(py, &q, motion::reductions)
+    }
+
+    /// Motion of the drives per motion of the independent coordinates, `v_act = B v_ind`, shape `(n_samples, n_act, independent)`: the
+    /// identity unless there are more drives than freedoms. q of the drives `(n_samples, n_act)`.
+    fn drive_jacobian<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        self.of_poses(py, &q, motion::drive_jacobians)
+    }
+
+    /// The smallest efforts of the drives that supply those of the independent coordinates, `tau_act = D tau_ind`, shape
+    /// `(n_samples, n_act, independent)`. q of the drives `(n_samples, n_act)`.
+    fn distribution<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        self.of_poses(py, &q, motion::distributions)
+    }
+
+    /// Motion of every joint of the tree per motion of each drive, `R = G Dᵀ`, shape `(n_samples, nv, n_act)`; its transpose brings
+    /// efforts of the tree to the drives. q of the drives `(n_samples, n_act)`.
+    fn drive_reduction<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        self.of_poses(py, &q, motion::drive_reductions)
+    }
+
+    /// The state with loops closed, the independent coordinates (`independent`) kept: `(q, v)`, each `(n_samples, nv)`, as the arguments are.
+    fn project<'py>(&self, py: Python<'py>, q: ArrayLike<'py>, v: ArrayLike<'py>) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
+        let ([q, v], model) = (self.tree([("q", &q), ("v", &v)])?, self.model());
+        let shape = [q.len(), model.nv()];
+        let [q, v] = over!(self, py, q.len(), [q, v], |model| mechanics::projected(model, [&q, &v]))??;
+        Ok((matrix(py, q, shape)?, matrix(py, v, shape)?))
+    }
+
+    /// Coordinates of the output, x y z `[m]` and rx ry rz `[rad]` with rotation `Rx Ry Rz`, `(n_samples, 6)`, and their rates per rate of
+    /// each joint of the tree, `(n_samples, 6, nv)`. q `(n_samples, nv)`; `link`: a link, sensor or loop, by default what stands out.
+    #[pyo3(signature = (q, *, link = None))]
+    fn output_jacobian<'py>(
+        &self,
+        py: Python<'py>,
+        q: ArrayLike<'py>,
+        link: Option<&str>,
+    ) -> PyResult<(Matrix<'py>, Bound<'py, PyArray3<f64>>)> {
+        let ([q], model) = (self.tree([("q", &q)])?, self.model());
+        let (output, n) = (workspace::output(model, link)?, q.len());
+        let [places, rates] = over!(self, py, n, [q], |model| mechanics::outputs(model, &output, &q))?;
+        Ok((matrix(py, places, [n, 6])?, matrices(py, rates, [n, 6, model.nv()])?))
     }
 
     /// Effort of one joint's own laws, friction of the URDF and effects of the robot file, `[N | N·m]`, shape of `v`.
@@ -413,13 +499,13 @@ impl Robot {
         matrix(py, tau, [driven.len(), model.n_act()])
     }
 
-    /// Regressor of the independent coordinates, which are the drives unless there are more drives than freedoms, shape
+    /// Regressor of the independent coordinates, which are the drives unless there are more drives than freedoms (`independent_at`), shape
     /// `(n_samples, independent, 10 * nv)`.
     ///
-    /// `regressor(q, v, a) @ parameters()` is `inverse_dynamics(q, v, a)` less rotor inertia. Arguments as there. `out` is an array of
+    /// `actuated_regressor(q, v, a) @ parameters()` is `inverse_dynamics(q, v, a)` less rotor inertia. Arguments as there. `out` is an array of
     /// that shape to write into, C-contiguous float64.
     #[pyo3(signature = (q, v, a, *, out = None))]
-    fn regressor<'py>(
+    fn actuated_regressor<'py>(
         &self,
         py: Python<'py>,
         q: ArrayLike<'py>,
@@ -443,7 +529,7 @@ impl Robot {
     /// Products of the regressor `W` and the efforts `tau` of the independent coordinates `[N | N·m]`, shape `(n_samples, independent)`:
     /// `(WᵀW, Wᵀtau, tauᵀtau)`, of shapes `(10 * nv, 10 * nv)`, `(10 * nv,)` and one number.
     ///
-    /// `W` is that of `regressor(q, v, a)` and is never stored, so a day of samples needs no more memory than one. What least squares
+    /// `W` is that of `actuated_regressor(q, v, a)` and is never stored, so a day of samples needs no more memory than one. What least squares
     /// wants; the condition number is squared, so directions below 1e-8 of the largest are rounding.
     fn regressor_products<'py>(
         &self,
@@ -507,8 +593,9 @@ impl Robot {
 
     /// Which poses can be reached: a dict of arrays with one axis per entry of `axes`, a dict from names to values.
     ///
-    /// Names are x y z rx ry rz of the link, or driven joints; `cause` indexes `causes`, 0 is reachable.
-    #[pyo3(signature = (axes, *, link=None, at=None, cone_deg=None, singularity_limit=0.0, condition_limit=f64::INFINITY, length=1.0))]
+    /// Names are x y z rx ry rz of the link, or driven joints; `cause` indexes `causes`, 0 is reachable. `progress`: a callable that takes
+    /// the share done, or True for a bar.
+    #[pyo3(signature = (axes, *, link=None, at=None, cone_deg=None, singularity_limit=0.0, condition_limit=f64::INFINITY, length=1.0, progress=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn workspace<'py>(
         &self,
@@ -520,7 +607,9 @@ impl Robot {
         singularity_limit: f64,
         condition_limit: f64,
         length: f64,
+        progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
+        let progress = &Progress::of(py, progress, "scanning")?;
         let limits = workspace::Limits {
             link,
             at: at.unwrap_or_default(),
@@ -528,6 +617,7 @@ impl Robot {
             singularity: singularity_limit,
             condition: condition_limit,
             length,
+            progress,
         };
         workspace::workspace(py, self.model(), axes, &limits)
     }

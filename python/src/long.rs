@@ -123,16 +123,33 @@ pub(crate) fn run<T: Send + 'static>(
 /// Ticks between looks at signals: a tick is a pose or a sample, far less than a millisecond.
 const TICKS: u32 = 256;
 
-/// Runs `work` where it is, the interpreter free; `work` is handed a function to call once per sample, which does not return when a
-/// signal's handler raises.
-pub(crate) fn here<T: Send>(py: Python<'_>, work: impl FnOnce(&mut dyn FnMut()) -> T + Send) -> PyResult<T> {
+/// Runs `work` where it is, the interpreter free; `work` is handed a function to call once per sample, `n_samples` times in all, which does
+/// not return when a signal's handler or the progress callback raises.
+pub(crate) fn here<T: Send>(
+    py: Python<'_>,
+    progress: &Progress<'_>,
+    n_samples: usize,
+    work: impl FnOnce(&mut dyn FnMut()) -> T + Send,
+) -> PyResult<T> {
     let mut raised = None;
+    let callback = progress.callback.as_ref().map(|callback| callback.clone().unbind());
     let outcome = py.detach(|| {
-        let mut ticks = 0_u32;
+        let (mut ticks, mut done, mut told) = (0_u32, 0_usize, 0.0);
+        let mut look = |done: usize| {
+            let share = if done < n_samples { done as f64 / n_samples as f64 } else { 1.0 };
+            let is_news = share >= told + STEP;
+            Python::attach(|py| {
+                if let (Some(callback), true) = (&callback, is_news) {
+                    told = share;
+                    callback.call1(py, (share,))?;
+                }
+                py.check_signals()
+            })
+        };
         let mut tick = || {
-            ticks = (ticks + 1) % TICKS;
-            if ticks == 0
-                && let Err(e) = Python::attach(|py| py.check_signals())
+            (ticks, done) = ((ticks + 1) % TICKS, done + 1);
+            if (ticks == 0 || done == n_samples)
+                && let Err(e) = look(done)
             {
                 raised = Some(e);
                 resume_unwind(Box::new(Stopped));

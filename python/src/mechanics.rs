@@ -1,8 +1,9 @@
 //! The algorithms of the spanning tree and of closed-loop dynamics, sample by sample; arrays row by row, as numpy wants them.
 
 use nalgebra::{DMatrix, Matrix3xX, Matrix6xX, Vector3};
+use pkm_dyn::constrained::Stabilisation;
 use pkm_dyn::jacobian::Reference;
-use pkm_dyn::loops::Choice;
+use pkm_dyn::loops::{Choice, Output, coordinates, output_jacobian};
 use pkm_dyn::model::FrameOnBody;
 use pkm_dyn::parameters::N_INERTIAL;
 use pkm_dyn::{Data, Model, aba, configuration, constrained, crba, energy, inverse_dynamics, jacobian, kinematics, loops, regressor, rnea};
@@ -56,16 +57,42 @@ pub(crate) fn accelerations(model: &Model, [q, v, tau]: [&Samples; 3]) -> Vec<f6
 }
 
 /// Accelerations of the tree and efforts of the loops, loops closed: `n_samples × nv`, `n_samples × rows`.
-pub(crate) fn constrained(model: &Model, [q, v, tau]: [&Samples; 3]) -> Result<[Vec<f64>; 2], Open> {
+pub(crate) fn constrained(model: &Model, [q, v, tau]: [&Samples; 3], rate: Stabilisation) -> Result<[Vec<f64>; 2], Open> {
     let mut data = Data::with_choice(model, Choice::Pivoting);
     let mut out = [Vec::new(), Vec::new()];
     for i in 0..q.len() {
-        let closure = constrained::forward_dynamics(model, &mut data, q.row(i), v.row(i), tau.row(i));
+        let closure = constrained::stabilised_forward_dynamics(model, &mut data, q.row(i), v.row(i), tau.row(i), rate);
         checked(&data, closure, Some(i))?;
         out[0].extend_from_slice(&data.a);
         out[1].extend_from_slice(&data.lambda);
     }
     Ok(out)
+}
+
+/// States with their loops closed, `n_samples × nv` each.
+pub(crate) fn projected(model: &Model, [q, v]: [&Samples; 2]) -> Result<[Vec<f64>; 2], Open> {
+    let mut data = Data::new(model);
+    let mut out = [Vec::new(), Vec::new()];
+    for i in 0..q.len() {
+        let (mut q, mut v) = (q.row(i).to_vec(), v.row(i).to_vec());
+        let closure = constrained::project(model, &mut data, &mut q, &mut v);
+        checked(&data, closure, Some(i))?;
+        out[0].append(&mut q);
+        out[1].append(&mut v);
+    }
+    Ok(out)
+}
+
+/// Coordinates of an output, `n_samples × 6`, and their rates, `n_samples × 6 × nv`.
+pub(crate) fn outputs(model: &Model, output: &Output, q: &Samples) -> [Vec<f64>; 2] {
+    let (mut rates, mut one) = (Vec::new(), DMatrix::zeros(6, model.nv()));
+    let places = at_each(model, q, |data, q, out| {
+        kinematics::forward_kinematics(model, data, q);
+        output_jacobian(model, data, output, &mut one);
+        out.extend(coordinates(&output.pose(data)));
+        push_rows(&mut rates, &one);
+    });
+    [places, rates]
 }
 
 /// Kinetic and potential energies, `n_samples` each.

@@ -203,11 +203,66 @@ pub(crate) fn joint_wrenches(model: &Model, motion: &Motion) -> Result<Vec<f64>,
     Ok(out)
 }
 
-/// Efforts of the drives that move nothing, `n_samples × drives × surplus`.
-pub(crate) fn internal_efforts(model: &Model, motion: &Motion) -> Result<Vec<f64>, Open> {
-    let mut out = Vec::new();
-    along(model, motion, |data| push_rows(&mut out, loops::internal_efforts(model, data)))?;
+/// Wrenches of the loops, `n_samples × loops × 6`.
+pub(crate) fn loop_wrenches(model: &Model, motion: &Motion) -> Result<Vec<f64>, Open> {
+    let (mut out, mut efforts) = (Vec::new(), Vec::new());
+    along(model, motion, |data| {
+        efforts.clear();
+        push_loop_efforts(model, data, &mut efforts);
+        for l in 0..model.loops.len() {
+            let wrench = loops::loop_wrench(model, data, l);
+            out.extend(wrench.linear.iter().chain(wrench.angular.iter()));
+        }
+    })?;
     Ok(out)
+}
+
+/// A matrix of every pose, row by row, and its shape.
+fn matrices_along(
+    model: &Model,
+    motion: &Motion,
+    matrix: impl Fn(&Model, &mut Data) -> DMatrix<f64>,
+) -> Result<(Vec<f64>, [usize; 2]), Open> {
+    // Of no pose at all the shape is still that of the robot.
+    let (mut out, mut shape) = (Vec::new(), matrix(model, &mut Data::new(model)).shape());
+    along(model, motion, |data| {
+        let one = matrix(model, data);
+        push_rows(&mut out, &one);
+        shape = one.shape();
+    })?;
+    Ok((out, [shape.0, shape.1]))
+}
+
+/// Efforts of the drives that move nothing, drives × surplus.
+pub(crate) fn internal_efforts(model: &Model, motion: &Motion) -> Result<(Vec<f64>, [usize; 2]), Open> {
+    matrices_along(model, motion, |model, data| loops::internal_efforts(model, data).clone())
+}
+
+/// Joint indices of the independent coordinates at every pose, `n_samples × independent`.
+pub(crate) fn independents(model: &Model, motion: &Motion) -> Result<Vec<usize>, Open> {
+    let mut out = Vec::new();
+    along(model, motion, |data| out.extend_from_slice(&data.independent))?;
+    Ok(out)
+}
+
+/// The tree's motion per motion of the independent coordinates, nv × independent.
+pub(crate) fn reductions(model: &Model, motion: &Motion) -> Result<(Vec<f64>, [usize; 2]), Open> {
+    matrices_along(model, motion, |_, data| data.reduction.clone())
+}
+
+/// The drives' motion per motion of the independent coordinates, drives × independent.
+pub(crate) fn drive_jacobians(model: &Model, motion: &Motion) -> Result<(Vec<f64>, [usize; 2]), Open> {
+    matrices_along(model, motion, |model, data| loops::drive_jacobian(model, data).clone())
+}
+
+/// Efforts of the drives per effort of the independent coordinates, drives × independent.
+pub(crate) fn distributions(model: &Model, motion: &Motion) -> Result<(Vec<f64>, [usize; 2]), Open> {
+    matrices_along(model, motion, |model, data| loops::distribution(model, data).clone())
+}
+
+/// The tree's motion per motion of the drives, nv × drives.
+pub(crate) fn drive_reductions(model: &Model, motion: &Motion) -> Result<(Vec<f64>, [usize; 2]), Open> {
+    matrices_along(model, motion, |model, data| loops::drive_reduction(model, data).clone())
 }
 
 /// Positions, velocities and accelerations of the tree, `n_samples × nv` each.

@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 
 use crate::array::{ArrayLike, Samples, matrix, vector};
 use crate::dynamics::Robot;
+use crate::long::Progress;
 use crate::{error, long};
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
@@ -104,7 +105,7 @@ impl Plant {
         self.moves().time()
     }
 
-    /// Positions and velocities of all joints of the tree, shape `(nv,)` each; None of a reduced plant, whose `Robot.tree_motion` tells.
+    /// Positions and velocities of all joints of the tree, shape `(nv,)` each; None of a reduced plant, whose `Robot.closed_loop_motion` tells.
     #[getter]
     fn tree<'py>(&self, py: Python<'py>) -> Option<(Vector<'py>, Vector<'py>)> {
         let moves = self.moves();
@@ -124,19 +125,30 @@ impl Plant {
         Ok((PyArray1::from_slice(py, moves.position()), PyArray1::from_slice(py, moves.velocity())))
     }
 
-    /// One step of `dt` `[s]` per row of efforts `(n_samples, n_act)`: `(q, v)` at the end of each, of the same shape.
-    fn run<'py>(&self, py: Python<'py>, tau: ArrayLike<'_>, dt: f64) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
+    /// One step of `dt` `[s]` per row of efforts `(n_samples, n_act)`: `(q, v)` at the end of each, of the same shape. `progress`: a callable
+    /// that takes the share done, or True for a bar.
+    #[pyo3(signature = (tau, dt, *, progress = None))]
+    fn run<'py>(
+        &self,
+        py: Python<'py>,
+        tau: ArrayLike<'_>,
+        dt: f64,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
         let (n, dt) = (self.joints.len(), period(dt)?);
         let tau = Samples::try_new("tau", &tau, n, "drive (plant.joints)")?;
         let mut out = [Vec::with_capacity(n * tau.len()), Vec::with_capacity(n * tau.len())];
-        let failed = long::here(py, |tick| {
-            let mut moves = self.moves();
+        let progress = Progress::of(py, progress, "moving")?;
+        let failed = long::here(py, &progress, tau.len(), |tick| {
             for i in 0..tau.len() {
+                // Not held while the interpreter is asked: who has that may be waiting for the plant.
+                let mut moves = self.moves();
                 if let Err(e) = moves.step(tau.row(i), dt) {
                     return Some((i, e));
                 }
                 out[0].extend_from_slice(moves.position());
                 out[1].extend_from_slice(moves.velocity());
+                drop(moves);
                 tick();
             }
             None

@@ -3,14 +3,15 @@
 use alloc::collections::BTreeMap;
 use std::path::PathBuf;
 
-use numpy::PyArray1;
+use numpy::ndarray::ArrayView1;
+use numpy::{PyArray1, PyArrayMethods};
 use pkm_ident::{EffortKind, KnownLoad, Meta, Recording as Signals};
 use pkm_record::{Attachments, ReadOptions};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use crate::array::{ArrayLike, read_only, vector};
+use crate::array::{ArrayLike, vector};
 use crate::dynamics::Robot;
 use crate::error;
 
@@ -75,10 +76,10 @@ impl Recording {
         &self.signals.name
     }
 
-    /// Sample times `[s]`, shape `(n_samples,)`; read-only.
+    /// Sample times `[s]`, shape `(n_samples,)`; read-only, the recording's own memory.
     #[getter]
-    fn time<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        read_only(py, &self.signals.time)
+    fn time<'py>(slf: &Bound<'py, Self>) -> Bound<'py, PyArray1<f64>> {
+        view(slf, &slf.get().signals.time)
     }
 
     /// Names of the signals, sorted.
@@ -99,12 +100,13 @@ impl Recording {
         meta_as_dict(py, &self.signals.meta)
     }
 
-    /// One signal, shape `(n_samples,)`; read-only. `KeyError` names what there is.
-    fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let known = || self.signal_names().join(", ");
+    /// One signal, shape `(n_samples,)`; read-only, the recording's own memory. `KeyError` names what there is.
+    fn __getitem__<'py>(slf: &Bound<'py, Self>, name: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let this = slf.get();
+        let known = || this.signal_names().join(", ");
         let signal =
-            self.signals.signal(name).ok_or_else(|| PyKeyError::new_err(format!("no signal {name:?} (there are: {})", known())))?;
-        Ok(read_only(py, signal))
+            this.signals.signal(name).ok_or_else(|| PyKeyError::new_err(format!("no signal {name:?} (there are: {})", known())))?;
+        Ok(view(slf, signal))
     }
 
     fn __contains__(&self, name: &str) -> bool {
@@ -140,21 +142,32 @@ impl Recording {
         py.import("pkm.tables")?.call_method1("from_xarray", (dataset,))
     }
 
-    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+    fn __getnewargs_ex__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        let (py, this) = (slf.py(), &slf.get().signals);
         let signals = PyDict::new(py);
-        for (name, values) in &self.signals.signals {
-            signals.set_item(name, read_only(py, values))?;
+        for (name, values) in &this.signals {
+            signals.set_item(name, view(slf, values))?;
         }
         let keywords = PyDict::new(py);
-        keywords.set_item("name", &self.signals.name)?;
-        keywords.set_item("meta", meta_as_dict(py, &self.signals.meta)?)?;
-        Ok(((read_only(py, &self.signals.time), signals).into_pyobject(py)?, keywords))
+        keywords.set_item("name", &this.name)?;
+        keywords.set_item("meta", meta_as_dict(py, &this.meta)?)?;
+        Ok(((view(slf, &this.time), signals).into_pyobject(py)?, keywords))
     }
 
     fn __repr__(&self) -> String {
         let s = &self.signals;
         format!("<Recording {:?}: {} samples, {:.3} s, {} signals>", s.name, s.len(), s.duration(), s.signals.len())
     }
+}
+
+/// Numbers of a recording as an array over the same memory, which keeps the recording and cannot be written to.
+#[expect(unsafe_code, reason = "numpy is shown memory of Rust's: hours of recordings need not be there twice")]
+fn view<'py>(owner: &Bound<'py, Recording>, values: &[f64]) -> Bound<'py, PyArray1<f64>> {
+    // SAFETY: the caller hands in numbers of `owner`, whose vectors never change or move (the class is frozen and nothing in it is behind a
+    // lock); the array keeps a reference to it, and is made read-only before anybody else sees it.
+    let array = unsafe { PyArray1::borrow_from_array(&ArrayView1::from(values), owner.clone().into_any()) };
+    drop(array.readwrite().make_nonwriteable());
+    array
 }
 
 fn meta_as_dict<'py>(py: Python<'py>, meta: &Meta) -> PyResult<Bound<'py, PyDict>> {
@@ -217,7 +230,7 @@ fn load_from(value: &Bound<'_, PyAny>) -> Option<KnownLoad> {
     Some(KnownLoad { link: get("link")?.extract().ok()?, mass: get("mass")?.extract().ok()?, xyz })
 }
 
-/// Reads a recording from a `.csv` or `.mcap` file.
+/// Reads a recording from a `.csv` or `.mcap` file, or from the folder of a rosbag2 with one `.mcap` file.
 ///
 /// `topic` chooses the joint states of an MCAP file that has several; with `recover`, what is complete of a damaged file is returned.
 /// `OSError` for a file that cannot be read, `ValueError` for what is in it; one line that names the place.

@@ -11,11 +11,12 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 use crate::array::{ArrayLike, Motion, matrix, vector};
+use crate::long::Progress;
 use crate::motion::along_positions;
 use crate::{error, long};
 
 /// The output of that name, or the one that stands out.
-fn output(model: &Model, link: Option<&str>) -> PyResult<Output> {
+pub(crate) fn output(model: &Model, link: Option<&str>) -> PyResult<Output> {
     match link {
         Some(name) => Output::named(model, name).ok_or_else(|| error::value(format!("link {name:?}: no such link, sensor or loop"))),
         None => Output::evident(model).ok_or_else(|| error::value("no link stands out as the output: name one with link=")),
@@ -90,6 +91,7 @@ pub(crate) struct Limits<'a> {
     pub(crate) singularity: f64,
     pub(crate) condition: f64,
     pub(crate) length: f64,
+    pub(crate) progress: &'a Progress<'a>,
 }
 
 /// The scanned axes from Python, in their order.
@@ -128,7 +130,8 @@ pub(crate) fn workspace<'py>(
         at[axes.len() + i] = *value;
     }
     let shape: Vec<usize> = axes.iter().map(|(_, values)| values.len()).collect();
-    let slices = long::here(py, |tick| scan(&mut scanner, &axes, &at, tick))?;
+    let n_poses = shape.iter().product();
+    let slices = long::here(py, limits.progress, n_poses, |tick| scan(&mut scanner, &axes, &at, tick))?;
     let out = as_dict(py, &slices, &shape)?;
     let at_home: BTreeMap<String, f64> =
         coordinates.iter().map(|&c| coordinate_name(model, c)).zip(scanner.home_values().iter().copied()).collect();

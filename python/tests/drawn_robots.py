@@ -174,5 +174,5 @@ def reduction(robot, offset):
     """Closed coordinates at the assembly's drives plus `offset` (or ValueError), and v_tree per v of each drive, (nv, n_act)."""
     drives = [robot.joints.index(name) for name in robot.actuators]
     q = np.tile(robot.assemble()[drives] + offset, (robot.n_act, 1))
-    q_tree, v_tree, _ = robot.tree_motion(q, np.eye(robot.n_act), np.zeros_like(q))
+    q_tree, v_tree, _ = robot.closed_loop_motion(q, np.eye(robot.n_act), np.zeros_like(q))
     return q_tree[0], v_tree.T

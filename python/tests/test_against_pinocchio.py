@@ -36,7 +36,7 @@ def compare(robot, urdf):
     assert list(model.names)[1:] == robot.joints
     data = model.createData()
     q, v, a = motion_about(np.zeros(model.nv), amplitude=0.5)
-    tau, regressor, of_drives = robot.inverse_dynamics(q, v, a), robot.joint_torque_regressor(q, v, a), robot.regressor(q, v, a)
+    tau, regressor, of_drives = robot.inverse_dynamics(q, v, a), robot.joint_torque_regressor(q, v, a), robot.actuated_regressor(q, v, a)
     for i in range(len(q)):
         np.testing.assert_allclose(tau[i] - robot.armature * a[i], pin.rnea(model, data, q[i], v[i], a[i]), rtol=1e-10, atol=1e-10)
         expected = pin.computeJointTorqueRegressor(model, data, q[i], v[i], a[i])

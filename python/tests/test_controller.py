@@ -1,8 +1,12 @@
 """Controllers from files: direct formulas, arrays against single steps, health, and what is refused."""
 
+from pathlib import Path
+
 import numpy as np
 import pkm
 import pytest
+
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples" / "controllers"
 
 PD = 'law = "pd_gravity"\nrate_hz = 1000\nkp = [1e4, 2e4, 3e4]\nkd = 200\nfilter_s = 0\n'
 
@@ -90,3 +94,24 @@ def test_wrong_calls_are_refused(tmp_path, prs3):
         controller.step(q_meas=[0.1, 0.2])
     with pytest.raises(ValueError, match="q_ref has 2 samples, q_meas has 3"):
         controller.run(q_meas=np.full((3, 3), 0.15), q_ref=np.full((2, 3), 0.15))
+    with pytest.raises(ValueError, match=r"wrench_meas has shape \(3, 3\), must be \(n_samples, 6\)"):
+        controller.run(q_meas=np.full((3, 3), 0.15), wrench_meas=np.zeros((3, 3)))
+
+
+def test_wrenches_reach_a_controller_of_forces(prs3):
+    """Row by row as in single steps; a measured force drives the robot away from where it would be without."""
+    controller = pkm.Controller(prs3, EXAMPLES / "hybrid.toml")
+    rng = np.random.default_rng(2)
+    n = 200
+    q = np.tile(prs3.mid_pose(), (n, 1))
+    felt = np.zeros((n, 6))
+    felt[:, 2] = 50.0 * np.sin(np.linspace(0, 3, n)) + rng.standard_normal(n)
+    wanted = np.zeros((n, 6))
+    wanted[:, 2] = 5.0
+    tau = controller.run(q_meas=q, wrench_meas=felt, wrench_ref=wanted)
+    controller.reset()
+    steps = [controller.step(q_meas=q[i], wrench_meas=felt[i], wrench_ref=wanted[i]) for i in range(n)]
+    np.testing.assert_array_equal(tau, steps)
+    assert not controller.health["is_faulted"]
+    controller.reset()
+    assert np.abs(controller.run(q_meas=q) - tau).max() > 1.0

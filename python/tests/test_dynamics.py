@@ -11,7 +11,7 @@ from motions import driven, motion_about
 
 def test_regressor_times_parameters_is_inverse_dynamics(robot, drives_motion):
     q, v, a = drives_motion
-    regressor = robot.regressor(q, v, a)
+    regressor = robot.actuated_regressor(q, v, a)
     assert regressor.shape == (len(q), robot.n_act, 10 * robot.nv)
     assert regressor.flags.c_contiguous
     tau = regressor @ robot.parameters() + robot.armature[driven(robot)] * a
@@ -26,7 +26,7 @@ def test_tree_regressor_times_parameters_is_rnea(robot):
 
 def test_power_of_the_drives_is_power_of_the_tree(robot, drives_motion):
     q, v, a = drives_motion
-    q_tree, v_tree, a_tree = robot.tree_motion(q, v, a)
+    q_tree, v_tree, a_tree = robot.closed_loop_motion(q, v, a)
     of_drives = np.sum(robot.inverse_dynamics(q, v, a) * v, axis=1)
     of_tree = np.sum(robot.rnea(q_tree, v_tree, a_tree) * v_tree, axis=1)
     np.testing.assert_allclose(of_drives, of_tree, rtol=1e-9, atol=1e-9)
@@ -34,7 +34,7 @@ def test_power_of_the_drives_is_power_of_the_tree(robot, drives_motion):
 
 def test_tree_motion_is_a_motion_of_the_drives(robot):
     q, v, a = motion_about(robot.assemble()[driven(robot)], n_samples=4001)
-    q_tree, v_tree, a_tree = robot.tree_motion(q, v, a)
+    q_tree, v_tree, a_tree = robot.closed_loop_motion(q, v, a)
     for tree, drives in [(q_tree, q), (v_tree, v), (a_tree, a)]:
         assert tree.shape == (len(q), robot.nv)
         np.testing.assert_array_equal(tree[:, driven(robot)], drives)
@@ -60,7 +60,7 @@ def five_bar_tips(q):
 def test_loops_close():
     robot = pkm.robots.load("five_bar")
     assert robot.joints == ["shoulder_left", "elbow_left", "shoulder_right", "elbow_right"]
-    q, _, _ = robot.tree_motion(*motion_about(robot.assemble()[driven(robot)], amplitude=0.3))
+    q, _, _ = robot.closed_loop_motion(*motion_about(robot.assemble()[driven(robot)], amplitude=0.3))
     left, right = five_bar_tips(q)
     assert np.ptp(left.real) > 0.05
     np.testing.assert_allclose(left, right, atol=1e-9)
@@ -71,8 +71,8 @@ def test_a_long_way_between_samples_stays_on_the_branch():
     start = robot.assemble()[driven(robot)]
     way = start + np.linspace(0.0, 0.1, 201)[:, None] * np.array([1.0, 0.2, -0.4])
     zero = np.zeros_like(way)
-    step_by_step, _, _ = robot.tree_motion(way, zero, zero)
-    jump, _, _ = robot.tree_motion(way[[0, -1]], zero[:2], zero[:2])
+    step_by_step, _, _ = robot.closed_loop_motion(way, zero, zero)
+    jump, _, _ = robot.closed_loop_motion(way[[0, -1]], zero[:2], zero[:2])
     np.testing.assert_allclose(jump[-1], step_by_step[-1], atol=1e-9)
 
 
@@ -123,7 +123,7 @@ def test_python_runs_while_rust_computes():
     n = 60_000
     q = np.tile(robot.assemble()[driven(robot)], (n, 1))
     zero = np.zeros_like(q)
-    worker = threading.Thread(target=robot.regressor, args=(q, zero, zero))
+    worker = threading.Thread(target=robot.actuated_regressor, args=(q, zero, zero))
     ticks = 0
     worker.start()
     while worker.is_alive():
@@ -137,7 +137,7 @@ def test_closed_loop_forward_dynamics_undoes_inverse_dynamics():
     robot = pkm.robots.load("prs3")
     drives = driven(robot)
     q, v, a = motion_about(np.array([0.15, 0.15, 0.15]), n_samples=20)
-    tree = robot.tree_motion(q, v, a)
+    tree = robot.closed_loop_motion(q, v, a)
     tau = np.zeros_like(tree[0])
     tau[:, drives] = robot.inverse_dynamics(q, v, a)
     acceleration, efforts = robot.forward_dynamics(tree[0], tree[1], tau)
@@ -156,7 +156,7 @@ def test_closed_loop_forward_dynamics_undoes_inverse_dynamics():
 def test_friction_columns_reach_the_drives():
     robot = pkm.robots.load("five_bar")
     q, v, a = motion_about(robot.assemble()[driven(robot)], n_samples=20, amplitude=0.1)
-    _, v_tree, a_tree = robot.tree_motion(q, v, a)
+    _, v_tree, a_tree = robot.closed_loop_motion(q, v, a)
     columns = robot.friction_regressor(q, v, a).reshape(len(q), robot.n_act, 3, robot.nv)
     lost = np.einsum("nk,nkj->nj", v, columns[:, :, 1, :])
     np.testing.assert_allclose(lost, v_tree**2, atol=1e-10)
@@ -174,7 +174,7 @@ def test_a_misspelt_link_or_reference_is_named():
 
 def test_products_of_the_regressor_are_those_of_numpy_and_memory_is_written_where_it_is(robot, drives_motion):
     q, v, a = drives_motion
-    w, tau = robot.regressor(q, v, a), robot.inverse_dynamics(q, v, a)
+    w, tau = robot.actuated_regressor(q, v, a), robot.inverse_dynamics(q, v, a)
     flat = w.reshape(-1, w.shape[2])
     gram, product, square = robot.regressor_products(q, v, a, tau)
     np.testing.assert_allclose(gram, flat.T @ flat, atol=1e-12 * np.abs(gram).max())
@@ -184,12 +184,12 @@ def test_products_of_the_regressor_are_those_of_numpy_and_memory_is_written_wher
     many = [np.tile(x, (60, 1)) for x in (q, v, a, tau)]
     np.testing.assert_allclose(robot.regressor_products(*many)[0], 60 * gram, atol=1e-10 * np.abs(gram).max())
     out = np.full_like(w, np.nan)
-    assert robot.regressor(q, v, a, out=out) is out
+    assert robot.actuated_regressor(q, v, a, out=out) is out
     np.testing.assert_array_equal(out, w)
     with pytest.raises(ValueError, match="out has shape"):
-        robot.regressor(q, v, a, out=out[:-1])
+        robot.actuated_regressor(q, v, a, out=out[:-1])
     with pytest.raises(ValueError, match="out"):
-        robot.regressor(q, v, a, out=np.lib.stride_tricks.as_strided(out, writeable=False))
+        robot.actuated_regressor(q, v, a, out=np.lib.stride_tricks.as_strided(out, writeable=False))
     with pytest.raises(ValueError, match="tau has"):
         robot.regressor_products(q, v, a, tau[:-1])
 
@@ -197,7 +197,7 @@ def test_products_of_the_regressor_are_those_of_numpy_and_memory_is_written_wher
 def test_wrenches_of_driven_joints_are_their_efforts(robot, drives_motion):
     """The part of a joint's wrench along its axis is what the drive supplies, rotors apart; passive joints carry nothing along theirs."""
     q, v, a = drives_motion
-    q_tree, _, _ = robot.tree_motion(q, v, a)
+    q_tree, _, _ = robot.closed_loop_motion(q, v, a)
     wrenches = robot.joint_wrenches(q, v, a)
     expected = np.zeros((len(q), robot.nv))
     expected[:, driven(robot)] = robot.inverse_dynamics(q, v, a) - robot.armature[driven(robot)] * a
@@ -237,7 +237,7 @@ def test_energy_columns_times_parameters_are_energies(robot):
 
 def test_frame_motion_is_the_derivative_of_the_pose(robot, drives_motion):
     q, v, a = drives_motion
-    q_tree, v_tree, a_tree = robot.tree_motion(q, v, a)
+    q_tree, v_tree, a_tree = robot.closed_loop_motion(q, v, a)
     link = robot.links[-1]
     velocity, acceleration = robot.frame_motion(link, q_tree, v_tree, a_tree)
     jacobian = robot.frame_jacobian(link, q_tree)

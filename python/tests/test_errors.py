@@ -30,7 +30,7 @@ def test_wrong_shapes(prs3, motion):
     q, v, a = motion
     refused(ValueError, lambda: prs3.inverse_dynamics(q[0], v, a), "q has shape (3,)", "(n_samples, 3)")
     refused(ValueError, lambda: prs3.inverse_dynamics(q, v[:, :2], a), "v has shape (200, 2)", "(n_samples, 3)")
-    refused(ValueError, lambda: prs3.regressor(q, v, a[:7]), "a has 7 samples, q has 200")
+    refused(ValueError, lambda: prs3.actuated_regressor(q, v, a[:7]), "a has 7 samples, q has 200")
     refused(ValueError, lambda: prs3.rnea(q, v, a), "(200, 3)", "(n_samples, 9)", "robot.joints")
     refused(ValueError, lambda: prs3.inverse_dynamics(np.zeros((2, 3, 4)), v, a), "(2, 3, 4)")
 

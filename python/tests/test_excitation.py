@@ -35,7 +35,7 @@ def test_its_condition_is_that_of_numpy_and_no_random_motion_is_better(found):
     # The columns that count, at the samples that the motion is judged at.
     t = np.arange(7200) * motion.period_s / 7200
     q, v, a = motion.sample(t)
-    inertial, rest = robot.regressor(q, v, a), robot.friction_regressor(q, v, a)
+    inertial, rest = robot.actuated_regressor(q, v, a), robot.friction_regressor(q, v, a)
     names = [f"{link}.{p}" for link in robot.links for p in ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")]
     drives = [robot.joints.index(j) for j in robot.actuators]
     columns = {}
@@ -125,7 +125,7 @@ def test_surplus_drives_go_where_the_loops_take_them():
     t, q, v, a = motion.grid(100.0)
     assert q.shape == v.shape == a.shape == (len(t), robot.n_act)
     # All drives together leave no loop open, which their motion drawn one by one would.
-    q_tree, v_tree, _ = robot.tree_motion(q, v, a)
+    q_tree, v_tree, _ = robot.closed_loop_motion(q, v, a)
     gap, jacobian = robot.loop_gap(q_tree)
     assert np.abs(gap).max() < 1e-9
     np.testing.assert_allclose(np.einsum("nij,nj->ni", jacobian, v_tree), 0, atol=1e-8)

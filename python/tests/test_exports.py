@@ -139,7 +139,7 @@ def test_mujoco_moves_as_our_efforts_say(tmp_path):
         a = RNG.uniform(-1, 1, (1, robot.n_act))
         rest = np.zeros_like(a)
         # Of more drives than freedoms some follow the others.
-        a = robot.tree_motion(q[None, drives], rest, a)[2][:, drives]
+        a = robot.closed_loop_motion(q[None, drives], rest, a)[2][:, drives]
         tau = robot.inverse_dynamics(q[None, drives], rest, a)[0]
         there.model.actuator_ctrllimited[:] = 0
         for joint, effort in zip(robot.actuators, tau, strict=True):

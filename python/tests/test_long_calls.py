@@ -42,6 +42,11 @@ def grid(n):
     return {"z": np.linspace(0.3, 0.9, n), "rx": np.linspace(-0.5, 0.5, n), "ry": np.linspace(-0.5, 0.5, n)}
 
 
+def controller():
+    text = 'law = "computed_torque"\nrate_hz = 1000\nbandwidth = 30\n[friction]\ncompensate = "none"\n'
+    return pkm.Controller.from_text(ROBOT, text)
+
+
 LONG = {
     "simulate": lambda: pkm.simulate(ROBOT, ROBOT, duration_s=3600.0),
     "excite": lambda: pkm.excite(pkm.robots.load("serial_arm7"), harmonics=10, restarts=500, iterations=5000),
@@ -49,6 +54,8 @@ LONG = {
     "fit": lambda: pkm.Identification(ROBOT).fit(long_recording()),
     "rnea": lambda: ROBOT.inverse_dynamics(*hour()),
     "workspace": lambda: ROBOT.workspace(grid(120)),
+    "Plant.run": lambda: pkm.Plant(ROBOT).run(np.zeros((2_000_000, ROBOT.n_act)), 1e-3),
+    "Controller.run": lambda: controller().run(q_meas=hour()[0]),
     "mu": lambda: pkm.mu(*uncertain()),
 }
 
@@ -95,7 +102,16 @@ def test_what_a_callback_raises_ends_the_call_at_once():
     assert time.monotonic() - start < 30.0
 
 
-@pytest.mark.parametrize("call", [lambda p: pkm.simulate(ROBOT, ROBOT, duration_s=1.0, progress=p), None])
+PROGRESS = {
+    "simulate": lambda p: pkm.simulate(ROBOT, ROBOT, duration_s=1.0, progress=p),
+    "workspace": lambda p: ROBOT.workspace(grid(12), progress=p),
+    "Plant.run": lambda p: pkm.Plant(ROBOT).run(np.zeros((3000, ROBOT.n_act)), 1e-5, progress=p),
+    "Controller.run": lambda p: controller().run(q_meas=hour()[0][:3000], progress=p),
+    "fit": None,
+}
+
+
+@pytest.mark.parametrize("call", PROGRESS.values(), ids=PROGRESS)
 def test_progress_rises_to_the_end(call, hidden):
     robot, recording, _, _ = hidden
     call = call or (lambda p: pkm.Identification(robot, method="wls").fit(recording, progress=p))
@@ -118,3 +134,21 @@ def test_a_bar_is_drawn(capsys):
     assert capsys.readouterr().err == ""
     with pytest.raises(TypeError, match="progress is int"):
         pkm.simulate(ROBOT, ROBOT, duration_s=1.0, progress=3)
+
+
+def test_two_threads_may_share_a_plant_and_a_controller():
+    """Who has the interpreter waits for the plant, and whoever moves it waits for the interpreter: neither for ever."""
+    plant, law = pkm.Plant(ROBOT), controller()
+    calls = [
+        lambda: plant.run(np.zeros((20_000, ROBOT.n_act)), 1e-6),
+        lambda: [plant.step(np.zeros(ROBOT.n_act), 1e-6) for _ in range(2000)],
+        lambda: law.run(q_meas=hour()[0][:20_000]),
+        lambda: [law.step(q_meas=hour()[0][0]) for _ in range(2000)],
+    ]
+    threads = [threading.Thread(target=call, daemon=True) for call in calls]
+    hour()
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60.0)
+    assert not any(thread.is_alive() for thread in threads)

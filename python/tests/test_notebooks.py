@@ -1,6 +1,7 @@
 """The notebooks as files: readable, without outputs, runnable top to bottom as programs; `cargo xtask long` runs them."""
 
 import ast
+import importlib
 from pathlib import Path
 
 import pkm
@@ -32,3 +33,34 @@ def test_a_notebook_is_clean(path):
                 assert hasattr(pkm, node.attr), node.attr
             if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "pkm.plot":
                 assert hasattr(pkm.plot, node.attr), node.attr
+
+
+@pytest.fixture
+def offline(tmp_path, monkeypatch):
+    """No recording, an empty home, and a proxy that answers nobody; the folder of what a reader has fetched."""
+    monkeypatch.delenv("PKM_DATA", raising=False)
+    for name in ["https_proxy", "HTTPS_PROXY"]:
+        monkeypatch.setenv(name, "http://127.0.0.1:9")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    kept = tmp_path / ".cache" / "pkm" / "emps"
+    kept.mkdir(parents=True)
+    return kept
+
+
+@pytest.fixture
+def execute(monkeypatch):
+    """The function that `cargo xtask long` runs notebooks with."""
+    pytest.importorskip("nbclient", reason="the package nbclient is not installed")
+    monkeypatch.syspath_prepend(str(FOLDER))
+    return importlib.import_module("execute").execute
+
+
+def test_without_network_the_real_recording_is_skipped_and_said_to_be(offline, execute):
+    outcome, why = execute("real_recording", None)
+    assert outcome == "skipped" and why.startswith("DATA_EMPS.mat: not here and not to be had")
+
+
+def test_another_file_than_the_published_one_is_refused(offline, execute):
+    (offline / "DATA_EMPS.mat").write_bytes(b"not what was published")
+    outcome, why = execute("real_recording", None)
+    assert outcome == "failed" and "DATA_EMPS.mat: SHA-256 differs from the one above" in why

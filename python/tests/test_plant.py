@@ -51,7 +51,7 @@ def test_it_begins_with_the_acceleration_of_forward_dynamics():
     bare = pkm.Robot.from_texts(toml, without_friction(urdf))
     plant, dt = pkm.Plant(bare), 1e-5
     start, drives = plant.q, [bare.joints.index(name) for name in bare.actuators]
-    q_tree, v_tree, _ = bare.tree_motion([start], [np.zeros(3)], [np.zeros(3)])
+    q_tree, v_tree, _ = bare.closed_loop_motion([start], [np.zeros(3)], [np.zeros(3)])
     tau = np.array([300.0, 100.0, 200.0])
     whole = np.zeros((1, bare.nv))
     whole[0, drives] = tau

@@ -13,10 +13,14 @@ from pkm import plot  # noqa: E402
 
 @pytest.fixture(autouse=True)
 def closed():
-    """Every picture is drawn to the end, which finds what only drawing finds, and closed."""
+    """Every picture is drawn to the end, which finds what only drawing finds; nothing of it is cut off at its edges; and closed."""
     yield
     for number in pyplot.get_fignums():
-        pyplot.figure(number).canvas.draw()
+        figure = pyplot.figure(number)
+        figure.canvas.draw()
+        drawn, (width, height) = figure.get_tightbbox(), figure.get_size_inches()
+        edges = (drawn.x0, drawn.y0, width - drawn.x1, height - drawn.y1)
+        assert min(edges) > -0.02, f"cut off by {edges} inches at left, bottom, right, top"
     pyplot.close("all")
 
 
@@ -269,6 +273,7 @@ def test_tracking_shows_reference_measured_and_error():
 
 def test_pictures_go_where_they_are_told(hidden):
     _, _, report, _ = hidden
-    figure, (left, right) = pyplot.subplots(1, 2)
+    # Who brings axes brings their layout.
+    figure, (left, right) = pyplot.subplots(1, 2, layout="constrained")
     assert plot.residual(report, "q1", ax=left) is left and plot.regimes(report, ax=right) is right
     assert left.figure is figure

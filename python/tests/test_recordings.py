@@ -1,5 +1,7 @@
 """Recordings: from arrays, through files, and read by the packages ROS 2 users have."""
 
+import gc
+
 import numpy as np
 import pkm
 import pytest
@@ -31,6 +33,19 @@ def test_arrays_cannot_be_written_in_place(recording):
     for array in [recording.time, recording["q.q1"]]:
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
+
+
+def test_signals_are_the_memory_of_the_recording():
+    n = 100_000
+    recording = pkm.Recording(np.arange(n) / 1000.0, {"q.q1": np.sin(np.arange(n))})
+    first, second = recording["q.q1"], recording["q.q1"]
+    assert np.shares_memory(first, second) and np.shares_memory(recording.time, recording.time)
+    # Nobody may make it writable again, and the numbers outlive the name.
+    with pytest.raises(ValueError, match="WRITEABLE"):
+        first.flags.writeable = True
+    del recording, second
+    gc.collect()
+    np.testing.assert_array_equal(first, np.sin(np.arange(n)))
 
 
 @pytest.mark.parametrize("name", ["a.csv", "a.mcap"])

@@ -29,7 +29,7 @@ def test_singular_values_are_numpys():
     assert got["coordinates"] == ["x", "y"]
     assert got["loosest_motion"].shape == (5, 4) and got["loosest_output"].shape == (5, 2)
     zero = np.zeros_like(q)
-    tree, _, _ = robot.tree_motion(q, zero, zero)
+    tree, _, _ = robot.closed_loop_motion(q, zero, zero)
     for k in range(5):
         first = 2.007128639793479 + tree[k, 0]
         second = first - 1.255300645817396 + tree[k, 1]

@@ -15,8 +15,8 @@ counts: int = robot.nv + robot.n_act + robot.mobility
 
 q = numpy.zeros((10, robot.n_act))
 assert_type(robot.inverse_dynamics(q, q, q.tolist()), NDArray[numpy.float64])
-assert_type(robot.regressor(q, q, q) @ robot.parameters(), NDArray[numpy.float64])
-q_tree, v_tree, a_tree = robot.tree_motion(q, q, q)
+assert_type(robot.actuated_regressor(q, q, q) @ robot.parameters(), NDArray[numpy.float64])
+q_tree, v_tree, a_tree = robot.closed_loop_motion(q, q, q)
 tau: NDArray[numpy.float64] = robot.rnea(q_tree, v_tree, a_tree)
 wide: NDArray[numpy.float64] = robot.joint_torque_regressor(q_tree, v_tree, a_tree)
 start: NDArray[numpy.float64] = robot.assemble() + robot.armature

@@ -24,7 +24,7 @@ PULL = 1e-5
 
 def columns(robot, q, v, a, waves):
     """Regressor (n, drives, parameters), the number of inertial ones, and which of the others have a lower bound of zero."""
-    y, (qt, vt, _, g) = robot.regressor(q, v, a)
+    y, (qt, vt, _, g) = robot.actuated_regressor(q, v, a)
     n, drives = q.shape
     unit = lambda x, k: x[:, None] * np.eye(drives)[k]
     at = lambda name, x: x[:, None] * g[:, robot.column[name], :]
