@@ -15,12 +15,17 @@ const NOTEBOOKS: &str = "notebooks";
 const DAEMON: &str = "daemon";
 const PROVE: &str = "prove";
 
-/// Runs the cross-crate tests with many seeds, the notebooks, every command of the guide and the blind trials, or what is named; tests read
-/// `PKM_LONG`, and write tables into the folder `PKM_RESULTS`, each under the commit in `PKM_COMMIT`.
+/// Runs the cross-crate tests with many seeds, the notebooks, every command of the guide and of README.md and the blind trials, and
+/// builds the book; or what is named. Tests read `PKM_LONG`, and write tables into the folder `PKM_RESULTS`, each under the commit in
+/// `PKM_COMMIT`.
 pub(crate) fn long(only: &[&str]) -> Result<(), String> {
     let wants = |name: &str| only.is_empty() || only.contains(&name);
     let results = root().join("docs/results");
     fs::create_dir_all(&results).map_err(|e| format!("{}: {e}", results.display()))?;
+    if only.is_empty() {
+        // Not after hours.
+        guide::needs_book()?;
+    }
     let commit = commit();
     println!("   commit {commit}, tables go to docs/results/");
     let tests: Vec<&str> = only.iter().copied().filter(|name| !OTHERS.contains(name)).collect();
@@ -40,7 +45,7 @@ pub(crate) fn long(only: &[&str]) -> Result<(), String> {
         python::notebooks()?;
     }
     if only.is_empty() {
-        guide::run_commands(&[])?;
+        guide::guide(&[])?;
     }
     if wants(PROVE) {
         prove(&results, &commit)?;

@@ -1,80 +1,39 @@
-//! The guide in docs/guide: every command in it is run, and the book is built where mdBook is installed.
+//! The guide in docs/guide, and what README.md has its reader type: every command is run, and the book is built.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::blocks::{commands, copied, section, with_outputs};
 use crate::picture::{Panel, Table, svg};
+use crate::screen::shoot;
 use crate::shell::{answer, cargo, program, root, run, target};
 
 /// Folder of the pages.
 const PAGES: &str = "docs/guide/src";
 
-/// What opens a block of commands.
-const OPEN: &str = "```console";
-
 /// Between the outputs of two commands.
 const BETWEEN: &str = "@@ end of a command @@";
 
-/// Most lines of a command's output that a page shows.
-const SHOWN: usize = 34;
-
-/// A line that asks for a picture: a name, a CSV file of the page's folder, and one or two of its columns, drawn over `t`.
+/// A line that asks for a picture: a name and a file of the page's folder. Of a CSV file one or two columns are drawn over `t`; of a page
+/// follow width and greatest height in pixels, and what is shown of it: headings with ` | ` between, `top` for what is above the first.
 const PICTURE: &str = "<!-- picture ";
 
-/// Commands of a page: lines that begin with `$ ` in its console blocks, continued where they end in a backslash.
-fn commands(page: &str) -> Vec<String> {
-    let mut out: Vec<String> = Vec::new();
-    let (mut is_inside, mut goes_on) = (false, false);
-    for line in page.lines() {
-        if line.starts_with("```") {
-            (is_inside, goes_on) = (!is_inside && line.trim_end() == OPEN, false);
-        } else if is_inside && goes_on {
-            if let Some(last) = out.last_mut() {
-                last.push('\n');
-                last.push_str(line);
-            }
-            goes_on = line.ends_with('\\');
-        } else if let Some(command) = line.strip_prefix("$ ").filter(|_| is_inside) {
-            out.push(command.to_string());
-            goes_on = line.ends_with('\\');
-        }
-    }
-    out
-}
+/// What mdBook replaces by another file.
+const INCLUDE: &str = "{{#include ";
 
-/// The page with the commands' outputs in the place of older ones.
-fn with_outputs(page: &str, outputs: &[String]) -> String {
-    let mut left = outputs.iter();
-    let (mut out, mut is_inside, mut goes_on) = (String::new(), false, false);
-    let mut pending: Option<&String> = None;
-    let flush = |out: &mut String, pending: &mut Option<&String>| {
-        if let Some(text) = pending.take() {
-            let lines: Vec<&str> = text.trim_end().lines().collect();
-            lines.iter().take(SHOWN).for_each(|l| *out += &format!("{}\n", l.trim_end()));
-            if lines.len() > SHOWN {
-                *out += "…\n";
-            }
-        }
-    };
-    for line in page.lines() {
-        if line.starts_with("```") {
-            flush(&mut out, &mut pending);
-            (is_inside, goes_on) = (!is_inside && line.trim_end() == OPEN, false);
-        } else if is_inside {
-            let is_command = line.starts_with("$ ");
-            if is_command {
-                flush(&mut out, &mut pending);
-                pending = left.next();
-            }
-            if !is_command && !goes_on {
-                continue;
-            }
-            goes_on = line.ends_with('\\');
-        }
-        out += line;
-        out.push('\n');
-    }
-    out
+/// The section of README.md whose commands run as they stand; those of the others build, install, or want two terminals.
+const TYPED: &str = "## Your own robot";
+
+/// What to do where mdBook is not there.
+const NO_BOOK: &str = "mdbook is not installed: `cargo install mdbook --locked`";
+
+/// A text with commands.
+struct Document {
+    /// As it is told, and asked for.
+    name: String,
+    path: PathBuf,
+    text: String,
+    commands: Vec<String>,
 }
 
 /// Every page below a folder, in order of path.
@@ -101,34 +60,69 @@ pub(crate) fn built() -> Result<PathBuf, String> {
     Ok(target().join("release"))
 }
 
-/// Runs every command of the guide, or of the pages whose path holds one of `only`; each page in an empty folder of its own. With `--write`
-/// among them the pages get what the commands print, and their pictures.
-pub(crate) fn run_commands(only: &[&str]) -> Result<(), String> {
-    let programs = built()?;
+/// The pages of the guide and the files that they include, and README.md; those of them that have commands.
+fn documents() -> Result<Vec<Document>, String> {
+    let mut out: Vec<Document> = Vec::new();
+    for path in texts()? {
+        let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        let inside = path.strip_prefix(root().join(PAGES)).or_else(|_| path.strip_prefix(root())).unwrap_or(&path);
+        out.push(Document { name: inside.display().to_string(), commands: commands(&text), path, text });
+    }
+    let path = root().join("README.md");
+    let text = fs::read_to_string(&path).map_err(|e| format!("README.md: {e}"))?;
+    let typed = section(&text, TYPED).ok_or_else(|| format!("README.md: no section {TYPED:?}"))?;
+    let commands = copied(typed).into_iter().map(str::to_string).collect();
+    out.push(Document { name: "repository/README.md".to_string(), commands, path, text });
+    out.retain(|document| !document.commands.is_empty());
+    Ok(out)
+}
+
+/// Pages of the guide, each followed by the files that it includes and no page before it did.
+fn texts() -> Result<Vec<PathBuf>, String> {
+    let mut out: Vec<PathBuf> = Vec::new();
+    for page in pages(&root().join(PAGES))? {
+        let text = fs::read_to_string(&page).map_err(|e| format!("{}: {e}", page.display()))?;
+        let mut found = vec![page.clone()];
+        for included in text.lines().filter_map(|line| line.trim().strip_prefix(INCLUDE)) {
+            let path = page.with_file_name(included.trim_end_matches('}'));
+            found.push(path.canonicalize().map_err(|e| format!("{}: {}: {e}", page.display(), path.display()))?);
+        }
+        found.retain(|path| !out.contains(path));
+        out.extend(found);
+    }
+    Ok(out)
+}
+
+/// Runs every command of the guide and of README.md and builds the book, or runs the commands of the texts whose name holds one of `only`;
+/// each text in an empty folder of its own. With `--write` among them the pages get what the commands print, and their pictures.
+pub(crate) fn guide(only: &[&str]) -> Result<(), String> {
     let is_writing = only.contains(&"--write");
     let only: Vec<&str> = only.iter().copied().filter(|o| *o != "--write").collect();
+    if only.is_empty() {
+        // Before minutes of commands.
+        needs_book()?;
+    }
+    run_commands(&only, is_writing)?;
+    if only.is_empty() { book() } else { Ok(()) }
+}
+
+fn run_commands(only: &[&str], is_writing: bool) -> Result<(), String> {
+    let programs = built()?;
     let (mut failed, mut count) = (Vec::new(), 0);
-    for page in pages(&root().join(PAGES))? {
-        let name = page.strip_prefix(root().join(PAGES)).unwrap_or(&page).display().to_string();
-        let text = fs::read_to_string(&page).map_err(|e| format!("{}: {e}", page.display()))?;
-        let commands = commands(&text);
-        if commands.is_empty() || !(only.is_empty() || only.iter().any(|o| name.contains(o))) {
+    for document in documents()? {
+        let Document { name, commands, .. } = &document;
+        if !(only.is_empty() || only.iter().any(|o| name.contains(o))) {
             continue;
         }
         count += commands.len();
         println!("   {name}: {} commands", commands.len());
         let folder = target().join("guide").join(name.replace('/', "-").replace(".md", ""));
-        match in_a_folder(&folder, &commands, &programs) {
-            // What stands on an effect's page comes from `cargo xtask atlas`.
-            Ok(outputs) if is_writing && !name.starts_with("effects") => {
-                fs::write(&page, with_outputs(&text, &outputs)).map_err(|e| format!("{}: {e}", page.display()))?;
-                text.lines().filter(|l| l.starts_with(PICTURE)).try_for_each(|line| picture(line, &folder))?;
-            }
-            Ok(_) => {}
-            Err(reason) => {
-                println!("   {name}: {reason}");
-                failed.push(name);
-            }
+        // What stands on an effect's page comes from `cargo xtask atlas`.
+        let is_written = is_writing && !name.starts_with("effects");
+        let written = |outputs: Vec<String>| if is_written { write(&document, &outputs, &folder) } else { Ok(()) };
+        if let Err(reason) = in_a_folder(&folder, commands, &programs).and_then(written) {
+            println!("   {name}: {reason}");
+            failed.push(name.clone());
         }
     }
     if failed.is_empty() {
@@ -138,13 +132,21 @@ pub(crate) fn run_commands(only: &[&str]) -> Result<(), String> {
     Err(format!("commands fail in {}", failed.join(", ")))
 }
 
+/// Puts what the commands of a text print into it, and makes its pictures.
+fn write(document: &Document, outputs: &[String], folder: &Path) -> Result<(), String> {
+    let Document { path, text, .. } = document;
+    fs::write(path, with_outputs(text, outputs)).map_err(|e| format!("{}: {e}", path.display()))?;
+    text.lines().filter(|l| l.starts_with(PICTURE)).try_for_each(|line| picture(line, folder))
+}
+
 /// What each command prints, in a shell that stops at the first failure, where the repository's folders are at hand as they are at its root.
 fn in_a_folder(folder: &Path, commands: &[String], programs: &Path) -> Result<Vec<String>, String> {
     if folder.exists() {
         fs::remove_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     }
     fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-    let mut script = "set -eu\n".to_string();
+    // What a page leaves running in the background ends with it.
+    let mut script = "set -eu\ntrap 'jobs -p > .jobs; kill $(cat .jobs) 2> /dev/null || :' EXIT\n".to_string();
     for shared in ["docs", "robots"] {
         script += &format!("ln -s '{}' {shared}\n", root().join(shared).display());
     }
@@ -162,25 +164,48 @@ fn in_a_folder(folder: &Path, commands: &[String], programs: &Path) -> Result<Ve
     Err(format!("`{last}`: {}\n{}", output.status, String::from_utf8_lossy(&output.stderr).trim_end()))
 }
 
-/// Draws what a line asks for.
+/// Makes the picture that a line asks for.
 fn picture(line: &str, folder: &Path) -> Result<(), String> {
     let words: Vec<&str> = line.trim_start_matches(PICTURE).trim_end_matches("-->").split_whitespace().collect();
-    let [name, file, columns @ ..] = words.as_slice() else { return Err(format!("{line}: name, file and columns are asked for")) };
-    let table = Table::read(&folder.join(file))?;
-    let time = table.column("t")?;
-    let drawn: Vec<Vec<f64>> = columns.iter().map(|c| table.column(c)).collect::<Result<_, _>>()?;
-    let panels: Vec<Panel<'_>> = drawn.iter().map(|y| Panel { x: &time, y, label: "time [s]", is_line: true }).collect();
-    let path = root().join(PAGES).join("pictures").join(format!("{}.svg", name.trim_end_matches(':')));
-    fs::create_dir_all(path.with_file_name("")).map_err(|e| format!("{}: {e}", path.display()))?;
-    fs::write(&path, svg(&panels, &columns.join(" and "))).map_err(|e| format!("{}: {e}", path.display()))
+    let [name, file, rest @ ..] = words.as_slice() else { return Err(format!("{line}: name and file are asked for")) };
+    let pictures = root().join(PAGES).join("pictures");
+    fs::create_dir_all(&pictures).map_err(|e| format!("{}: {e}", pictures.display()))?;
+    let name = name.trim_end_matches(':');
+    let path = pictures.join(name);
+    let file = folder.join(file);
+    if file.extension().is_none_or(|e| e != "html") {
+        return plot(&file, rest, &path.with_extension("svg"));
+    }
+    let [size, parts @ ..] = rest else { return Err(format!("{line}: size and headings are asked for")) };
+    let numbers = size.split_once('x').and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
+    let size = numbers.ok_or_else(|| format!("{line}: {size:?} is no size (such as 1280x900)"))?;
+    let parts = parts.join(" ");
+    if !shoot(&file, &parts.split(" | ").collect::<Vec<_>>(), size, &path.with_extension("png"))? {
+        println!("   not made: {name} is a picture that Chromium takes, which is not installed");
+    }
+    Ok(())
 }
 
-/// Builds the book into target/book where mdBook is installed, and says so where it is not.
-pub(crate) fn book() -> Result<(), String> {
-    if answer(&mut program("mdbook", &["--version"])).is_none() {
-        println!("   not run: mdbook is not installed (`cargo install mdbook --locked`)");
-        return Ok(());
-    }
+/// Draws columns of a recording over time.
+fn plot(file: &Path, columns: &[&str], picture: &Path) -> Result<(), String> {
+    let table = Table::read(file)?;
+    // Since its beginning: a daemon records the time of day.
+    let mut time = table.column("t")?;
+    let begin = time.first().copied().unwrap_or_default();
+    time.iter_mut().for_each(|t| *t -= begin);
+    let drawn: Vec<Vec<f64>> = columns.iter().map(|c| table.column(c)).collect::<Result<_, _>>()?;
+    let panels: Vec<Panel<'_>> = drawn.iter().map(|y| Panel { x: &time, y, label: "time [s]", is_line: true }).collect();
+    fs::write(picture, svg(&panels, &columns.join(" and "))).map_err(|e| format!("{}: {e}", picture.display()))
+}
+
+/// Whether the book can be built; where it cannot, what to do.
+pub(crate) fn needs_book() -> Result<(), String> {
+    answer(&mut program("mdbook", &["--version"])).map(drop).ok_or_else(|| NO_BOOK.to_string())
+}
+
+/// Builds the book into target/book.
+fn book() -> Result<(), String> {
+    needs_book()?;
     let out = target().join("book");
     run(program("mdbook", &["build", "docs/guide", "--dest-dir"]).arg(&out))?;
     println!("   {}/index.html", out.display());
@@ -190,9 +215,6 @@ pub(crate) fn book() -> Result<(), String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// What mdBook replaces by another file.
-    const INCLUDE: &str = "{{#include ";
 
     /// A page with its included files, which the book shows in its place.
     fn whole(page: &Path) -> String {
@@ -238,18 +260,86 @@ mod tests {
         }
     }
 
+    /// What a block to be copied may hold, by how its lines begin, and why it is not run.
+    const NOT_RUN: [(&str, &str); 6] = [
+        ("cargo ", "builds, or measures"),
+        ("chrt ", "measures, with a right that not everybody has"),
+        ("pkm completions bash > ~/", "writes to the reader's home"),
+        ("pkm man --out ~/", "writes to the reader's home"),
+        ("pkm prove ", "takes hours, or wants a folder of somebody else"),
+        ("python -m pkm.fleet --bench", "measures"),
+    ];
+
     #[test]
-    fn commands_are_those_after_a_dollar_in_console_blocks() {
-        let page =
-            "a\n$ no\n```console\n$ one\nits output\n$ two \\\n  --more \\\n  --yet\n```\n```sh\n$ no\n```\n```console\n$ three\n```\n";
-        assert_eq!(commands(page), ["one", "two \\\n  --more \\\n  --yet", "three"]);
+    fn a_command_that_is_not_run_has_a_reason() {
+        let reason = |line: &str| NOT_RUN.iter().find(|(start, _)| line.starts_with(start)).map(|(_, why)| *why);
+        assert_eq!((reason("cargo xtask plants"), reason("pkm check prs3")), (Some("builds, or measures"), None));
+        let mut used = vec![];
+        for path in texts().unwrap() {
+            for line in copied(&fs::read_to_string(&path).unwrap()) {
+                let why = reason(line).unwrap_or_else(|| panic!("{}: {line:?} belongs into a console block, after `$ `", path.display()));
+                used.push(why);
+            }
+        }
+        assert!(NOT_RUN.iter().all(|(_, why)| used.contains(why)), "of {NOT_RUN:?} the guide has {used:?}");
     }
 
     #[test]
-    fn outputs_replace_older_ones_and_nothing_else() {
-        let page = "# a\n```console\n$ one \\\n  --more\nold\n$ two\n```\ntext\n";
-        let new = with_outputs(page, &["1\n2".to_string(), String::new()]);
-        assert_eq!(new, "# a\n```console\n$ one \\\n  --more\n1\n2\n$ two\n```\ntext\n");
-        assert_eq!(with_outputs(&new, &["1\n2".to_string(), String::new()]), new);
+    fn what_readme_says_that_runs_is_run_with_the_guide() {
+        let documents = documents().unwrap();
+        let readme = documents.iter().find(|d| d.name == "repository/README.md").unwrap();
+        let verbs: Vec<&str> = readme.commands.iter().map(|c| c.split_whitespace().nth(1).unwrap()).collect();
+        assert!(verbs.len() >= 10 && verbs.contains(&"diagnose") && verbs.contains(&"reproduce"), "{verbs:?}");
+        assert!(readme.commands.iter().all(|c| c.starts_with("pkm ")), "{:?}", readme.commands);
+    }
+
+    #[test]
+    fn included_files_are_read_once_after_the_page_that_includes_them() {
+        let texts = texts().unwrap();
+        let place = |end: &str| texts.iter().position(|path| path.ends_with(end)).unwrap();
+        assert_eq!(place("python/README.md"), place("src/python.md") + 1);
+        assert_eq!((place("docs/BENCHES.md"), place("benches/README.md")), (place("src/benches.md") + 1, place("src/benches.md") + 2));
+    }
+
+    /// Verbs of the program, from its list of them.
+    fn verbs() -> Vec<String> {
+        let source = fs::read_to_string(root().join("crates/pkm/src/main.rs")).unwrap();
+        let list = source.split_once("enum Verb {").unwrap().1.split("\n}").next().unwrap().to_string();
+        let modules = list.lines().filter_map(|l| l.split_once('(')?.1.strip_suffix("::Args),"));
+        modules.map(|module| module.replace('_', "-")).collect()
+    }
+
+    #[test]
+    fn every_verb_has_a_page_with_an_example_and_a_line_in_the_overview() {
+        let verbs = verbs();
+        assert!(verbs.len() > 20 && verbs.contains(&"trial-null".to_string()), "{verbs:?}");
+        let folder = root().join(PAGES).join("verbs");
+        let overview = fs::read_to_string(folder.join("index.md")).unwrap();
+        for verb in &verbs {
+            let page = fs::read_to_string(folder.join(format!("{verb}.md"))).unwrap_or_else(|e| panic!("{verb}: {e}"));
+            assert!(page.starts_with(&format!("# `pkm {verb}`: ")), "{verb}: the title");
+            assert!(commands(&page).iter().any(|c| c.contains(&format!("pkm {verb} "))), "{verb}: no example");
+            assert!(overview.contains(&format!("- [{verb}]({verb}.md): ")), "{verb}: not in the overview");
+        }
+        let there = pages(&folder).unwrap().len();
+        assert_eq!(there, verbs.len() + 1, "a page of a verb that is none");
+    }
+
+    #[test]
+    fn every_picture_that_is_asked_for_is_there_small_and_shown() {
+        for path in texts().unwrap() {
+            let text = fs::read_to_string(&path).unwrap();
+            let lines: Vec<&str> = text.lines().collect();
+            for pair in lines.windows(2).filter(|pair| pair[0].starts_with(PICTURE)) {
+                let mut words = pair[0].trim_start_matches(PICTURE).split_whitespace();
+                let name = words.next().unwrap().trim_end_matches(':').to_string();
+                let kind = if words.next().unwrap().ends_with(".html") { "png" } else { "svg" };
+                let shown = pair[1].split_once("](").map(|(_, rest)| rest.trim_end_matches(')'));
+                let file = path.with_file_name(shown.unwrap_or_default());
+                assert!(file.ends_with(format!("pictures/{name}.{kind}")), "{}: {} is not shown", path.display(), pair[0]);
+                let bytes = fs::metadata(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display())).len();
+                assert!(bytes <= crate::screen::LARGEST, "{}: {bytes} bytes", file.display());
+            }
+        }
     }
 }

@@ -5,6 +5,7 @@ extern crate alloc;
 
 mod atlas;
 mod benches;
+mod blocks;
 mod checks;
 mod chores;
 mod guide;
@@ -15,6 +16,7 @@ mod peers;
 mod picture;
 mod prerequisites;
 mod python;
+mod screen;
 mod shell;
 mod times;
 mod viewers;
@@ -23,7 +25,7 @@ use std::process::ExitCode;
 
 const USAGE: &str = "\
 cargo xtask test [STEP ...]   everything CI runs, in order, up to the first failure; or only the steps named
-cargo xtask long [TEST ...]   the long tier: PKM_LONG=1, the notebooks, every command of the guide, 1200 blind trials, tables into docs/results/; or only what is named (a test file such as `fuzz`; `daemon`, `notebooks`, `prove`)
+cargo xtask long [TEST ...]   the long tier: PKM_LONG=1, the notebooks, every command of the guide and of README.md, the book, 1200 blind trials, tables into docs/results/; or only what is named (a test file such as `fuzz`; `daemon`, `notebooks`, `prove`)
 cargo xtask bench [ARGS ...]  the benches; arguments go to criterion (`-- --quick`, a name)
 cargo xtask peers [ARGS ...]  pkm-dyn and Pinocchio's C++ in one run, into benches/README.md (`--rounds N`)
 cargo xtask slicot [N]        μ beside SLICOT's AB13MD on N problems in one run, into benches/README.md
@@ -35,7 +37,7 @@ cargo xtask diagnose-times [S ...]  a diagnosis of a six-axis arm over recording
 cargo xtask prove-baselines DIR [NAME ...]  other methods on the blind trials that `pkm prove` made in DIR, scored beside the diagnosis
 cargo xtask package [--no-verify] [--no-wheel]  all that publishing does but the upload: every crate in order, and the wheel
 cargo xtask atlas [EFFECT ...]  numbers and pictures of the guide's pages on effects
-cargo xtask guide [PAGE ...]  every command of the guide, each page in a folder of its own; without a page the book as well
+cargo xtask guide [--write] [PAGE ...]  every command of the guide and of README.md, each text in a folder of its own, and the book; or of the texts named; --write puts what they print into the pages, and their pictures
 cargo xtask latency [S]       wake-ups, computing, shared memory there and back, idle and loaded, into benches/README.md
 cargo xtask wheel             the Python wheel, optimised, into target/wheels/
 cargo xtask golden            the golden files of tests/, anew, with Pinocchio
@@ -65,7 +67,7 @@ fn main() -> ExitCode {
         Some("benches") => benches::benches(&rest),
         Some("package") => package::package(&rest),
         Some("atlas") => atlas::atlas(&rest),
-        Some("guide") => guide::run_commands(&rest).and_then(|()| if rest.is_empty() { guide::book() } else { Ok(()) }),
+        Some("guide") => guide::guide(&rest),
         Some("wheel") => none(&rest).and_then(|()| chores::wheel()),
         Some("golden") => none(&rest).and_then(|()| chores::golden()),
         None | Some("help" | "--help" | "-h") => {

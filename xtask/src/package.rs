@@ -3,14 +3,21 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::prerequisites::PYTHON_PROGRAM;
 use crate::python;
-use crate::shell::{answer, cargo, program, root, run, target};
+use crate::shell::{answer, cargo, output, program, root, run, target};
 
 /// What must lie at the root of a project that others are to use.
 const FILES: [&str; 6] = ["LICENSE-MIT", "LICENSE-APACHE", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff"];
 
 /// Keys that a registry asks for or shows.
 const KEYS: [&str; 4] = ["description", "license", "keywords", "categories"];
+
+/// What every package has, whoever unpacks it: both licences, for they say so, and what a registry shows.
+const CARRIED: [&str; 3] = ["LICENSE-MIT", "LICENSE-APACHE", "README.md"];
+
+/// What the wheel's name says: any Python from 3.10 on.
+const ABI: &str = "-cp310-abi3-";
 
 /// Packages crates and wheel. With `--no-verify` the packages are not compiled, with `--no-wheel` the wheel is left out.
 pub(crate) fn package(rest: &[&str]) -> Result<(), String> {
@@ -21,7 +28,9 @@ pub(crate) fn package(rest: &[&str]) -> Result<(), String> {
         let length = fs::metadata(root().join(file)).map_err(|e| format!("{file}: {e}"))?.len();
         println!("   {file}: {length} bytes");
     }
+    citation()?;
     metadata()?;
+    contents()?;
     // In the order in which they depend on each other, against an overlay of the registry that holds those before; a tree that is not
     // committed can be tried as well.
     let excluded = "--exclude xtask --exclude pkm-tests --exclude pkm-benches --exclude pkm-python";
@@ -31,9 +40,50 @@ pub(crate) fn package(rest: &[&str]) -> Result<(), String> {
     run(command.env("CARGO_TARGET_DIR", target().join("packages")).env("CARGO_PROFILE_DEV_DEBUG", "0"))?;
     if !rest.contains(&"--no-wheel") {
         wheel()?;
+        installed()?;
     }
     println!("   nothing was uploaded");
     Ok(())
+}
+
+/// Looks at CITATION.cff with its makers' own checker, which wants older packages than the tests of the wheel do.
+fn citation() -> Result<(), String> {
+    let programs = environment("citation")?;
+    python::install(&programs, &["cffconvert"])?;
+    run(&mut program(programs.join(python::name("cffconvert")), &["--validate", "--infile", "CITATION.cff"]))
+}
+
+/// A virtual environment of its own, anew.
+fn environment(name: &str) -> Result<PathBuf, String> {
+    let folder = target().join("environments").join(name);
+    run(program(PYTHON_PROGRAM, &["-m", "venv", "--clear"]).arg(&folder))?;
+    Ok(folder.join(if cfg!(windows) { "Scripts" } else { "bin" }))
+}
+
+/// Looks whether every package carries what it must.
+fn contents() -> Result<(), String> {
+    let manifests = manifests()?;
+    for manifest in &manifests {
+        let text = fs::read_to_string(manifest).map_err(|e| format!("{}: {e}", manifest.display()))?;
+        let name = stated(&text, "name").ok_or_else(|| format!("{}: no name", manifest.display()))?;
+        let files = output(&mut cargo(&format!("package --list --allow-dirty --locked -p {name}")))?;
+        if let Some(file) = lacks(&files, &CARRIED) {
+            return Err(format!("{name}: its package has no {file}"));
+        }
+    }
+    println!("   {} packages have {}", manifests.len(), CARRIED.join(", "));
+    Ok(())
+}
+
+/// What is wanted and not among the lines.
+fn lacks<'a>(lines: &str, wanted: &[&'a str]) -> Option<&'a str> {
+    wanted.iter().copied().find(|file| !lines.lines().any(|line| line.trim() == *file))
+}
+
+/// The text that a manifest states for a key.
+fn stated<'a>(manifest: &'a str, key: &str) -> Option<&'a str> {
+    let value = manifest.lines().find_map(|l| l.strip_prefix(key)?.trim_start().strip_prefix('='))?;
+    value.trim().strip_prefix('"')?.split('"').next()
 }
 
 /// Says which of a registry's keys each crate lacks.
@@ -74,9 +124,29 @@ fn manifests() -> Result<Vec<PathBuf>, String> {
 fn wheel() -> Result<(), String> {
     let programs = python::environment()?;
     let wheel = python::build(&programs, &["--release"])?;
+    let name = wheel.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    if !name.contains(ABI) {
+        return Err(format!("{name}: not for every Python from 3.10 on ({ABI})"));
+    }
+    // Names in it begin with a folder that says its version.
+    let names = "import sys, zipfile; print(*(n.rpartition('/')[2] for n in zipfile.ZipFile(sys.argv[1]).namelist()), sep='\\n')";
+    let files = output(program(programs.join(python::name("python")), &["-c", names]).arg(&wheel))?;
+    if let Some(file) = lacks(&files, &CARRIED[..2]) {
+        return Err(format!("{name} has no {file}"));
+    }
     python::install(&programs, &["twine"])?;
     run(program(programs.join("python"), &["-m", "twine", "check", "--strict"]).arg(&wheel))?;
     println!("   {}", shown(&wheel));
+    Ok(())
+}
+
+/// Installs from the source as its reader does, where nothing is installed yet, and asks it for its version.
+fn installed() -> Result<(), String> {
+    let programs = environment("installed")?;
+    python::install(&programs, &["./python"])?;
+    // Not at the root, where other folders could be taken for the package.
+    let mut ask = program(programs.join(python::name("python")), &["-c", "import pkm; print(pkm.__version__)"]);
+    println!("   installed from ./python: pkm {}", output(ask.current_dir(&programs))?.trim());
     Ok(())
 }
 
@@ -96,6 +166,29 @@ mod tests {
         let workspace = "license = \"MIT\"\n";
         assert!(has("license.workspace = true\n", workspace, "license") && has("license = \"MIT\"\n", "", "license"));
         assert!(!has("license.workspace = true\n", "", "license") && !has("name = \"license\"\n", workspace, "license"));
+    }
+
+    #[test]
+    fn a_manifest_states_its_name() {
+        assert_eq!(stated("[package]\nname = \"a-b\" # why\n", "name"), Some("a-b"));
+        assert_eq!(stated("rename = \"c\"\nname.workspace = true\n", "name"), None);
+    }
+
+    #[test]
+    fn what_a_package_lacks_is_named() {
+        assert_eq!(lacks("Cargo.toml\nLICENSE-MIT\n", &["LICENSE-MIT", "README.md"]), Some("README.md"));
+        assert_eq!(lacks("LICENSE-MIT\nREADME.md\n", &["LICENSE-MIT", "README.md"]), None);
+    }
+
+    #[test]
+    fn every_published_folder_has_the_licences_of_the_root() {
+        let folders = manifests().unwrap().into_iter().map(|m| m.with_file_name("")).chain([root().join("python")]);
+        for folder in folders {
+            for name in ["LICENSE-MIT", "LICENSE-APACHE"] {
+                let text = fs::read(folder.join(name)).unwrap_or_else(|e| panic!("{}: {name}: {e}", folder.display()));
+                assert!(text == fs::read(root().join(name)).unwrap(), "{}: {name} is another text", folder.display());
+            }
+        }
     }
 
     #[test]
