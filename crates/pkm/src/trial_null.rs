@@ -22,7 +22,7 @@ Each run keeps the recorded motion and replaces the effort by the robot's own pr
 unexplained, with random phases, so that its spectrum stays and everything that depends on the motion is gone. Nothing is \
 missing from such a run; whatever is found is a false alarm.
 
-Example:
+Examples:
   pkm trial-null out.robot.toml --recording A.csv --recording B.csv --runs 20 --json null.json")]
 pub(crate) struct Args {
     /// The robot that the runs are made with and diagnosed against, such as a refined one.

@@ -33,10 +33,12 @@ fn browser() -> Option<&'static str> {
 fn browse(browser: &str, folder: &Path, arguments: &[&str], page: &str) -> [String; 2] {
     let [out, told] = ["browser.out", "browser.err"].map(|name| folder.join(name));
     let profile = format!("--user-data-dir={}", folder.join("profile").display());
-    let quiet =
-        ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--allow-file-access-from-files", "--enable-logging=stderr"];
+    // Containers have no sandbox and little shared memory.
+    let container = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"];
+    let quiet = ["--headless", "--hide-scrollbars", "--allow-file-access-from-files", "--enable-logging=stderr"];
     let mut child = Command::new(browser)
         .args(quiet)
+        .args(container)
         .arg(profile)
         .args(arguments)
         .arg(folder.join(page))

@@ -80,6 +80,16 @@ fn every_verb_is_in_the_guide() {
 }
 
 #[test]
+fn the_help_of_every_verb_ends_with_examples_of_it() {
+    let folder = rig();
+    for verb in verbs(folder.path()) {
+        let help = prints(folder.path(), &[&verb, "--help"]);
+        let (_, examples) = help.split_once("\nExamples:\n").unwrap_or_else(|| panic!("{verb}: no examples"));
+        assert!(examples.contains(&format!("  pkm {verb}")), "{verb}: {examples}");
+    }
+}
+
+#[test]
 fn every_verb_has_a_manual_page_that_renders() {
     let folder = rig();
     prints(folder.path(), &["man", "--out", "man"]);
