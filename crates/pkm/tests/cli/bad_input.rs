@@ -220,7 +220,7 @@ fn files_that_are_not_there_and_folders_that_are() {
     diagnosis_refused(folder.path(), "rig.toml", "lost.csv", &["lost.csv", "No such file"]);
     diagnosis_refused(folder.path(), "lost.toml", "A.csv", &["lost.toml", "No such file"]);
     diagnosis_refused(folder.path(), "lost", "A.csv", &["lost", "no shipped robot", "prs3"]);
-    diagnosis_refused(folder.path(), "rig.toml", "dir.csv", &["dir.csv", "directory"]);
+    diagnosis_refused(folder.path(), "rig.toml", "dir.csv", &["dir.csv", "a folder with 0 MCAP files"]);
     diagnosis_refused(folder.path(), ".", "A.csv", &[".", "a folder", "robot.toml"]);
     diagnosis_refused(folder.path(), "rig.toml", "rig.urdf", &["rig.urdf", ".csv, .mcap"]);
     refused(folder.path(), &["convert", "lost.csv", "x.mcap"], &["lost.csv"]);

@@ -117,7 +117,7 @@ fn every_verb_reads_bags_and_asks_for_a_topic_where_there_are_several() {
     let by_file = verdict();
     fs::create_dir(folder.path().join("night")).unwrap();
     fs::rename(folder.path().join("2.mcap"), folder.path().join("night/night_0.mcap")).unwrap();
-    let by_folder = ["--recording", "1.mcap", "--holdout", "night", "--force"];
+    let by_folder = ["--recording", "1.mcap", "--holdout", "night"];
     prints(folder.path(), &[&["diagnose", "rig.toml", "--json", "out.json"][..], &by_folder, &fast, &topic].concat());
     assert_eq!(verdict(), by_file.replace("2.mcap", "night"));
     // Text with every digit on both sides: the numbers came through to the bit, and times, which are whole nanoseconds in a bag, as those.
