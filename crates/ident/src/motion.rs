@@ -5,6 +5,7 @@
 
 use pkm_dyn::Model;
 use pkm_dyn::effects::{Law, Robot};
+use rayon::prelude::*;
 
 use crate::error::InputError;
 use crate::grid::Grid;
@@ -93,9 +94,7 @@ impl Motion {
 /// Speed that 99 % of the samples stay below.
 #[must_use]
 pub fn top_speed(v: &[f64]) -> f64 {
-    let mut sorted: Vec<f64> = v.iter().map(|v| v.abs()).collect();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() * 99 / 100).copied().unwrap_or(0.0)
+    ranked(&mut v.iter().map(|v| v.abs()).collect::<Vec<_>>(), v.len() * 99 / 100)
 }
 
 /// All recordings as motions, and the band `[Hz]` that effort and model are compared in: that of `options` where given, else five harmonics of the
@@ -114,7 +113,8 @@ pub fn motions(robot: &Robot, recordings: &[(&Recording, Use)], options: &RowOpt
         Some(band) => return Err(InputError::Band { band, limit }),
         None => choose_band(&raws, recordings).min(0.5 * limit),
     };
-    let motions = raws.into_iter().zip(recordings).map(|(raw, (r, used))| smoothed(raw, r, *used, (band, options.derivative))).collect();
+    let smooth = |(raw, (r, used)): (Raw, &(&Recording, Use))| smoothed(raw, r, *used, (band, options.derivative));
+    let motions = raws.into_par_iter().zip(recordings).map(smooth).collect();
     Ok((motions, band))
 }
 
@@ -172,8 +172,13 @@ fn raw(robot: &Robot, r: &Recording) -> Result<Raw, InputError> {
 /// Half of the numbers are closer to zero than this, times what makes it the standard deviation of normal noise.
 fn robust_size(x: impl Iterator<Item = f64>) -> f64 {
     let mut size: Vec<f64> = x.map(f64::abs).collect();
-    size.sort_by(f64::total_cmp);
-    1.4826 * size.get(size.len() / 2).copied().unwrap_or(0.0)
+    let half = size.len() / 2;
+    1.4826 * ranked(&mut size, half)
+}
+
+/// The number that would stand at `place` if they were sorted, zero where there is none.
+fn ranked(x: &mut [f64], place: usize) -> f64 {
+    if place < x.len() { *x.select_nth_unstable_by(place, f64::total_cmp).1 } else { 0.0 }
 }
 
 /// Replaces single samples that stand out by the median around them; returns their share. What it does to noise: nothing, but for what
@@ -181,14 +186,14 @@ fn robust_size(x: impl Iterator<Item = f64>) -> f64 {
 fn despike(x: &mut [f64]) -> f64 {
     let n = x.len();
     let median = |i: usize| {
-        let mut window = x[i.saturating_sub(NEIGHBOURS)..(i + NEIGHBOURS + 1).min(n)].to_vec();
-        window.sort_by(f64::total_cmp);
-        window[window.len() / 2]
+        let around = &x[i.saturating_sub(NEIGHBOURS)..(i + NEIGHBOURS + 1).min(n)];
+        let mut window = [0.0; 2 * NEIGHBOURS + 1];
+        window[..around.len()].copy_from_slice(around);
+        ranked(&mut window[..around.len()], around.len() / 2)
     };
     let medians: Vec<f64> = (0..n).map(median).collect();
-    let mut sorted = x.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let spread = robust_size(x.iter().map(|x| x - sorted[n / 2]));
+    let middle = ranked(&mut x.to_vec(), n / 2);
+    let spread = robust_size(x.iter().map(|x| x - middle));
     if spread <= 0.0 {
         // A drive that is off most of the time: what it does meanwhile is no spike.
         return 0.0;

@@ -96,8 +96,12 @@ pub(crate) struct Walk<'o> {
     edge: usize,
     margin: usize,
     window: usize,
-    /// [drive][column, then known effort, effort, moving][sample of the window].
-    series: Vec<Vec<Vec<f64>>>,
+    /// By drive, sample after sample of the window: columns, then known effort, effort, moving. A sample is written whole, so it lies together.
+    series: Vec<Vec<f64>>,
+    /// [drive][column and the rest], those that have been other than zero: most columns of most drives are zero by structure.
+    acts: Vec<Vec<bool>>,
+    /// Numbers of a sample of a drive.
+    stride: usize,
     /// First raw sample of the window.
     from: usize,
 }
@@ -117,7 +121,7 @@ impl<'o> Walk<'o> {
         let window = WINDOW.max(4 * margin);
         let cut = rows == Rows::Fitted && o.options().standstill == Standstill::Cut;
         let still = |v: &Vec<f64>| if cut { standing(v, motion.dt, o.band()) } else { vec![false; v.len()] };
-        let n_series = o.columns().len() + 3;
+        let stride = o.columns().len() + 3;
         // A known load is a column of the standard parameters with a known value.
         let load = o.columns().links.iter().flat_map(|&l| {
             let change = model.links[l].parameters.to_vector() - robot.model.links[l].parameters.to_vector();
@@ -139,7 +143,9 @@ impl<'o> Walk<'o> {
             edge: samples(1.0),
             margin,
             window,
-            series: vec![vec![vec![0.0; window.min(motion.len())]; n_series]; model.n_act()],
+            series: vec![vec![0.0; window.min(motion.len()) * stride]; model.n_act()],
+            acts: vec![vec![false; stride]; model.n_act()],
+            stride,
             from: 0,
             model,
         }
@@ -208,7 +214,7 @@ impl<'o> Walk<'o> {
 
     /// Raw sample `i` into the window: of surplus drives what moves the robot, and of that what no standing drive has a part in.
     fn store_shared(&mut self, i: usize) {
-        let (at, n_act, p) = (i - self.from, self.model.n_act(), self.columns.len());
+        let (n_act, p) = (self.model.n_act(), self.columns.len());
         let direction: Vec<f64> = self.data.v.iter().zip(&self.width).map(|(v, w)| soft_sign(*v, *w)).collect();
         let known = self.known(&direction);
         // Columns come as what moves the robot already; the rows of the drives in the reduction do that to the efforts.
@@ -222,9 +228,12 @@ impl<'o> Walk<'o> {
         let mut moves = DMatrix::from_fn(n_act, n_act, |k, j| self.data.drive_reduction[(self.model.actuators[k], j)]);
         without(&mut moves, &mut (0..n_act).filter(|&k| self.still[k][i]));
         let rows = moves * all;
-        for (k, series) in self.series.iter_mut().enumerate() {
-            (0..p + 2).for_each(|c| series[c][at] = rows[(k, c)]);
-            series[p + 2][at] = f64::from(u8::from(!self.still[k][i]));
+        let at = (i - self.from) * self.stride;
+        for (k, (series, acts)) in self.series.iter_mut().zip(&mut self.acts).enumerate() {
+            let sample = &mut series[at..][..self.stride];
+            (0..p + 2).for_each(|c| sample[c] = rows[(k, c)]);
+            sample[p + 2] = f64::from(u8::from(!self.still[k][i]));
+            acts.iter_mut().zip(sample).for_each(|(acts, x)| *acts |= x.abs() > 0.0);
         }
     }
 
@@ -234,32 +243,31 @@ impl<'o> Walk<'o> {
             self.store_shared(i);
             return;
         }
-        let at = i - self.from;
-        let n_act = self.model.n_act();
-        for series in self.series.iter_mut().flatten() {
-            series[at] = 0.0;
-        }
         let direction: Vec<f64> = self.data.v.iter().zip(&self.width).map(|(v, w)| soft_sign(*v, *w)).collect();
         let known = self.known(&direction);
-        let p = self.columns.len();
-        let (still, series, load, electronics) = (&self.still, &mut self.series, &self.load, &self.electronics);
-        let mut known_load = vec![0.0; n_act];
+        let (p, at) = (self.columns.len(), (i - self.from) * self.stride);
+        let (still, load, electronics, acts) = (&self.still, &self.load, &self.electronics, &mut self.acts);
+        let mut samples: Vec<&mut [f64]> = self.series.iter_mut().map(|series| &mut series[at..][..self.stride]).collect();
+        samples.iter_mut().for_each(|sample| sample.fill(0.0));
+        let mut known_load = vec![0.0; known.len()];
         // Behind electronics columns are cut at standstill in the end: a lag of what is cut already is none of the cut effort's.
         let is_kept = |k: usize| !still[k][i] || !electronics[k].is_plain();
         self.columns.fill(&self.model, &mut self.data, &direction, &mut |k, c, x| {
             if is_kept(k) {
-                series[k][c][at] = x;
+                samples[k][c] = x;
+                acts[k][c] |= x.abs() > 0.0;
                 known_load[k] += load.get(c).map_or(0.0, |l| l * x);
             }
         });
-        for k in 0..n_act {
+        for (k, sample) in samples.into_iter().enumerate() {
             if is_kept(k) {
-                series[k][p][at] = known[k] + known_load[k];
+                sample[p] = known[k] + known_load[k];
             }
             if !still[k][i] {
-                series[k][p + 1][at] = self.motion.tau[k][i];
-                series[k][p + 2][at] = 1.0;
+                sample[p + 1] = self.motion.tau[k][i];
+                sample[p + 2] = 1.0;
             }
+            (p..p + 3).for_each(|c| acts[k][c] |= sample[c].abs() > 0.0);
         }
     }
 
@@ -306,26 +314,24 @@ impl<'o> Walk<'o> {
 
     /// Filters the series of a drive over the first `len` samples of the window: `put(row, series, value)` at the samples `taken`.
     fn filtered(&self, k: usize, len: usize, put: &mut dyn FnMut(usize, usize, f64), taken: &[usize]) {
-        // Most columns of most drives are zero by structure.
-        let all = self.series[k].iter().map(|s| &s[..len]).enumerate();
-        let acting: Vec<(usize, &[f64])> = all.filter(|(_, s)| s.iter().any(|x| x.abs() > 0.0)).collect();
+        let samples = || self.series[k][..len * self.stride].chunks_exact(self.stride);
+        let acting: Vec<usize> = (0..self.stride).filter(|&c| self.acts[k][c]).collect();
         let is_measured = |c: usize| c > self.columns.len();
-        let is_moving = &self.series[k][self.columns.len() + 2][..len];
         for group in acting.chunks(LANES) {
-            let seen = |&(c, s): &(usize, &[f64])| -> Option<Vec<f64>> {
-                let mut seen = self.electronics[k].recorded(s, self.motion.dt).filter(|_| !is_measured(c))?;
-                seen.iter_mut().zip(is_moving).for_each(|(x, is_moving)| *x *= is_moving);
-                Some(seen)
+            let recorded = |&c: &usize| -> Vec<f64> {
+                let series: Vec<f64> = samples().map(|sample| sample[c]).collect();
+                let Some(mut seen) = self.electronics[k].recorded(&series, self.motion.dt).filter(|_| !is_measured(c)) else {
+                    return series;
+                };
+                seen.iter_mut().zip(samples()).for_each(|(x, sample)| *x *= sample[self.columns.len() + 2]);
+                seen
             };
-            let changed: Vec<Option<Vec<f64>>> = group.iter().map(seen).collect();
+            let series: Vec<Vec<f64>> = group.iter().map(recorded).collect();
             // A group that is not full filters its last series several times, and puts it once.
-            let lane = |g: usize| {
-                let g = g.min(group.len() - 1);
-                changed[g].as_deref().unwrap_or(group[g].1)
-            };
+            let lane = |g: usize| series[g.min(group.len() - 1)].as_slice();
             let out = self.filter.apply_each::<LANES>(core::array::from_fn(lane));
             for (row, &i) in taken.iter().enumerate() {
-                for (&(c, _), x) in group.iter().zip(out[i - self.from]) {
+                for (&c, x) in group.iter().zip(out[i - self.from]) {
                     put(row, c, x);
                 }
             }
@@ -348,9 +354,9 @@ impl<'o> Walk<'o> {
     fn shift(&mut self, to: usize) {
         let new_from = to.saturating_sub(self.margin).max(self.from);
         let by = new_from - self.from;
-        for series in self.series.iter_mut().flatten() {
-            let len = series.len();
-            series.copy_within(by.min(len)..len, 0);
+        for series in &mut self.series {
+            let moved = (by * self.stride).min(series.len());
+            series.copy_within(moved.., 0);
         }
         self.from = new_from;
     }
