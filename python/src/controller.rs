@@ -192,8 +192,8 @@ impl Controller {
     /// One period per row of arrays of shape `(n_samples, n_drives)`, wrenches `(n_samples, 6)`: the commands, `(n_samples, n_drives)`.
     ///
     /// What is left out is as in `step`; every row is one period of `dt` `[s]` after the one before, one of the controller's by default. After a
-    /// fault the rest are safe commands. Ctrl-C ends it between two rows; what state the controller has then is that of the last one. `progress`: a callable that takes the share
-    /// done, or True for a bar.
+    /// fault the rest are safe commands. Ctrl-C ends it between two rows; what state the controller has then is that of the last one.
+    /// `progress`: a callable that takes the share done, or True for a bar.
     #[pyo3(signature = (*, q_meas, q_ref = None, v_ref = None, a_ref = None, tau_ff = None, tau_meas = None, wrench_meas = None,
         wrench_ref = None, dt = None, progress = None))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python: the signals of a step by name")]

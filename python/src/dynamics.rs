@@ -5,7 +5,7 @@ use alloc::sync::Arc;
 use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
-use pkm_dyn::constrained::Stabilisation;
+use pkm_dyn::constrained::{self, Stabilisation};
 use pkm_dyn::effects::{Applied, JointState, Robot as Physics};
 use pkm_dyn::jacobian::Reference;
 use pkm_dyn::model::{FrameOnBody, Model};
@@ -17,6 +17,7 @@ use pyo3::types::{PyDict, PyList, PyType};
 
 use crate::array::{ArrayLike, Motion, Samples, matrices, matrix, read_only, vector};
 use crate::long::Progress;
+use crate::motion::AtPose;
 use crate::{error, long, mechanics, motion, units, workspace};
 
 /// Work over samples as a long call: what it borrows goes with it.
@@ -34,9 +35,6 @@ macro_rules! over {
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
 type Matrix<'py> = Bound<'py, PyArray2<f64>>;
-
-/// Matrices of every pose, row by row, and the shape of one.
-type AtPoses = fn(&Model, &Motion) -> Result<(Vec<f64>, [usize; 2]), motion::Open>;
 
 /// A robot: rigid bodies, joints, loops, drives, and physics beyond rigid bodies. It never changes; `with_effect` returns another.
 #[pyclass(frozen, module = "pkm")]
@@ -81,9 +79,9 @@ impl Robot {
     }
 
     /// A matrix at every pose of the drives, loops closed.
-    fn of_poses<'py>(&self, py: Python<'py>, q: &ArrayLike<'_>, find: AtPoses) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    fn of_poses<'py>(&self, py: Python<'py>, q: &ArrayLike<'_>, matrix: AtPose) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let poses = Motion::try_still(q, self.model().n_act(), "drive (robot.actuators)")?;
-        let (all, [rows, columns]) = over!(self, py, poses.len(), [poses], |model| find(model, &poses))??;
+        let (all, [rows, columns]) = over!(self, py, poses.len(), [poses], |model| motion::matrices_along(model, &poses, matrix))??;
         matrices(py, all, [poses.len(), rows, columns])
     }
 
@@ -365,10 +363,7 @@ impl Robot {
 
     /// Mass matrix in the independent coordinates, shape `(n_samples, independent, independent)`. q of the drives `(n_samples, n_act)`.
     fn reduced_mass_matrix<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let driven = self.driven([&q, &q, &q])?;
-        let all = over!(self, py, driven.len(), [driven], |model| motion::reduced_mass_matrices(model, &driven))??;
-        let n = self.independent().len();
-        matrices(py, all, [driven.len(), n, n])
+        self.of_poses(py, &q, constrained::reduced_mass_matrix)
     }
 
     /// Columns of rotor inertia, viscous and Coulomb friction of every joint, passive ones included, in the independent coordinates,
@@ -409,7 +404,7 @@ impl Robot {
     /// Efforts of the drives that strain the robot and move nothing, as orthonormal columns, shape `(n_samples, n_act, n_act - mobility)`:
     /// no columns unless there are more drives than freedoms. q of the drives `(n_samples, n_act)`.
     fn internal_efforts<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        self.of_poses(py, &q, motion::internal_efforts)
+        self.of_poses(py, &q, loops::internal_efforts)
     }
 
     /// Wrench that each loop's joint exerts on the link of its frame b for a motion of the drives, shape `(n_samples, loops, 6)`: force
@@ -429,25 +424,25 @@ impl Robot {
     /// Motion of every joint of the tree per motion of the independent coordinates (`independent_at`), `v_tree = G v_ind`, shape
     /// `(n_samples, nv, independent)`. q of the drives `(n_samples, n_act)`.
     fn reduction<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        self.of_poses(py, &q, motion::reductions)
+        self.of_poses(py, &q, |_, data| &data.reduction)
     }
 
     /// Motion of the drives per motion of the independent coordinates, `v_act = B v_ind`, shape `(n_samples, n_act, independent)`: the
     /// identity unless there are more drives than freedoms. q of the drives `(n_samples, n_act)`.
     fn drive_jacobian<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        self.of_poses(py, &q, motion::drive_jacobians)
+        self.of_poses(py, &q, loops::drive_jacobian)
     }
 
     /// The smallest efforts of the drives that supply those of the independent coordinates, `tau_act = D tau_ind`, shape
     /// `(n_samples, n_act, independent)`. q of the drives `(n_samples, n_act)`.
     fn distribution<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        self.of_poses(py, &q, motion::distributions)
+        self.of_poses(py, &q, loops::distribution)
     }
 
     /// Motion of every joint of the tree per motion of each drive, `R = G Dᵀ`, shape `(n_samples, nv, n_act)`; its transpose brings
     /// efforts of the tree to the drives. q of the drives `(n_samples, n_act)`.
     fn drive_reduction<'py>(&self, py: Python<'py>, q: ArrayLike<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        self.of_poses(py, &q, motion::drive_reductions)
+        self.of_poses(py, &q, loops::drive_reduction)
     }
 
     /// The state with loops closed, the independent coordinates (`independent`) kept: `(q, v)`, each `(n_samples, nv)`, as the arguments are.

@@ -3,7 +3,6 @@
 use std::thread;
 
 use nalgebra::DMatrix;
-use pkm_dyn::constrained::reduced_mass_matrix;
 use pkm_dyn::inverse_dynamics::{actuated_regressor, closed_loop_motion, friction_regressor, rigid_effort};
 use pkm_dyn::loops::{Closure, assemble, walk_to};
 use pkm_dyn::{Data, Model, loops, regressor, rnea};
@@ -177,13 +176,6 @@ pub(crate) fn friction_regressors(model: &Model, motion: &Motion) -> Result<Vec<
     Ok(out)
 }
 
-/// Mass matrices in the independent coordinates, `n_samples × independent × independent`.
-pub(crate) fn reduced_mass_matrices(model: &Model, motion: &Motion) -> Result<Vec<f64>, Open> {
-    let mut out = Vec::new();
-    along(model, motion, |data| push_rows(&mut out, reduced_mass_matrix(model, data)))?;
-    Ok(out)
-}
-
 /// Efforts of the loops, `n_samples × rows`.
 pub(crate) fn loop_efforts(model: &Model, motion: &Motion) -> Result<Vec<f64>, Open> {
     let mut out = Vec::new();
@@ -217,25 +209,15 @@ pub(crate) fn loop_wrenches(model: &Model, motion: &Motion) -> Result<Vec<f64>, 
     Ok(out)
 }
 
-/// A matrix of every pose, row by row, and its shape.
-fn matrices_along(
-    model: &Model,
-    motion: &Motion,
-    matrix: impl Fn(&Model, &mut Data) -> DMatrix<f64>,
-) -> Result<(Vec<f64>, [usize; 2]), Open> {
-    // Of no pose at all the shape is still that of the robot.
-    let (mut out, mut shape) = (Vec::new(), matrix(model, &mut Data::new(model)).shape());
-    along(model, motion, |data| {
-        let one = matrix(model, data);
-        push_rows(&mut out, &one);
-        shape = one.shape();
-    })?;
-    Ok((out, [shape.0, shape.1]))
-}
+/// A matrix at a pose whose loops are closed, left in the data.
+pub(crate) type AtPose = for<'d> fn(&Model, &'d mut Data) -> &'d DMatrix<f64>;
 
-/// Efforts of the drives that move nothing, drives × surplus.
-pub(crate) fn internal_efforts(model: &Model, motion: &Motion) -> Result<(Vec<f64>, [usize; 2]), Open> {
-    matrices_along(model, motion, |model, data| loops::internal_efforts(model, data).clone())
+/// A matrix of every pose, row by row, and its shape.
+pub(crate) fn matrices_along(model: &Model, motion: &Motion, matrix: AtPose) -> Result<(Vec<f64>, [usize; 2]), Open> {
+    // Of no pose at all the shape is still that of the robot.
+    let (mut out, (rows, columns)) = (Vec::new(), matrix(model, &mut Data::new(model)).shape());
+    along(model, motion, |data| push_rows(&mut out, matrix(model, data)))?;
+    Ok((out, [rows, columns]))
 }
 
 /// Joint indices of the independent coordinates at every pose, `n_samples × independent`.
@@ -243,26 +225,6 @@ pub(crate) fn independents(model: &Model, motion: &Motion) -> Result<Vec<usize>,
     let mut out = Vec::new();
     along(model, motion, |data| out.extend_from_slice(&data.independent))?;
     Ok(out)
-}
-
-/// The tree's motion per motion of the independent coordinates, nv × independent.
-pub(crate) fn reductions(model: &Model, motion: &Motion) -> Result<(Vec<f64>, [usize; 2]), Open> {
-    matrices_along(model, motion, |_, data| data.reduction.clone())
-}
-
-/// The drives' motion per motion of the independent coordinates, drives × independent.
-pub(crate) fn drive_jacobians(model: &Model, motion: &Motion) -> Result<(Vec<f64>, [usize; 2]), Open> {
-    matrices_along(model, motion, |model, data| loops::drive_jacobian(model, data).clone())
-}
-
-/// Efforts of the drives per effort of the independent coordinates, drives × independent.
-pub(crate) fn distributions(model: &Model, motion: &Motion) -> Result<(Vec<f64>, [usize; 2]), Open> {
-    matrices_along(model, motion, |model, data| loops::distribution(model, data).clone())
-}
-
-/// The tree's motion per motion of the drives, nv × drives.
-pub(crate) fn drive_reductions(model: &Model, motion: &Motion) -> Result<(Vec<f64>, [usize; 2]), Open> {
-    matrices_along(model, motion, |model, data| loops::drive_reduction(model, data).clone())
 }
 
 /// Positions, velocities and accelerations of the tree, `n_samples × nv` each.

@@ -2,6 +2,7 @@
 
 import pkm
 import pytest
+from fleets import fleet_folder
 from motions import driven, motion_about
 
 
@@ -27,3 +28,25 @@ def hidden():
     shares = []
     report = pkm.diagnose(robot, [recording], holdout=[other], progress=shares.append)
     return robot, recording, report, shares
+
+
+@pytest.fixture(scope="session")
+def fleet_root(tmp_path_factory):
+    """The files of a fleet, to read only."""
+    return fleet_folder(tmp_path_factory.mktemp("fleet"))
+
+
+@pytest.fixture(scope="session")
+def diagnosed(fleet_root, tmp_path_factory):
+    """Its verdicts, by one process without a cluster."""
+    from pkm import fleet
+
+    return fleet.diagnose(fleet.find(str(fleet_root)), str(tmp_path_factory.mktemp("alone") / "verdicts.parquet"), workers=0)
+
+
+@pytest.fixture(scope="session")
+def identified(fleet_root, tmp_path_factory):
+    """Its parameters, by one process without a cluster."""
+    from pkm import fleet
+
+    return fleet.identify(fleet.find(str(fleet_root)), str(tmp_path_factory.mktemp("alone") / "parameters.parquet"), workers=0)

@@ -7,7 +7,7 @@ import sys
 
 import pkm
 import pytest
-from fleets import fleet_folder, record, robot_folder, same
+from fleets import record, robot_folder, same
 
 for needed in ("dask", "distributed", "fsspec", "pandas", "pyarrow", "scipy"):
     pytest.importorskip(needed, reason=f"the package {needed} is not installed")
@@ -15,25 +15,9 @@ for needed in ("dask", "distributed", "fsspec", "pandas", "pyarrow", "scipy"):
 import distributed
 from pkm import fleet
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return fleet_folder(tmp_path_factory.mktemp("fleet"))
 
-
-@pytest.fixture(scope="module")
-def alone(folder, tmp_path_factory):
-    """The table of one process without a cluster."""
-    return fleet.diagnose(fleet.find(str(folder)), str(tmp_path_factory.mktemp("alone") / "verdicts.parquet"), workers=0)
-
-
-@pytest.fixture(scope="module")
-def identified(folder, tmp_path_factory):
-    """The same of identifications."""
-    return fleet.identify(fleet.find(str(folder)), str(tmp_path_factory.mktemp("alone") / "parameters.parquet"), workers=0)
-
-
-def test_a_folder_is_found_as_tasks(folder):
-    tasks = fleet.find(str(folder))
+def test_a_folder_is_found_as_tasks(fleet_root):
+    tasks = fleet.find(str(fleet_root))
     assert [(t.unit, t.taken) for t in tasks] == [
         ("robot3", "2026-02-16"),
         ("robot7", "2026-02-17"),
@@ -41,9 +25,9 @@ def test_a_folder_is_found_as_tasks(folder):
         ("robot9", "2026-03-04"),
         ("robot9", "2026-03-05"),
     ]
-    assert tasks[0].robot == str(folder / "robot3" / "robot.toml")
-    assert tasks[0].recordings == (str(folder / "robot3" / "2026-02-16" / "A.csv"),)
-    assert tasks[0].holdout == (str(folder / "robot3" / "2026-02-16" / "holdout.csv"),)
+    assert tasks[0].robot == str(fleet_root / "robot3" / "robot.toml")
+    assert tasks[0].recordings == (str(fleet_root / "robot3" / "2026-02-16" / "A.csv"),)
+    assert tasks[0].holdout == (str(fleet_root / "robot3" / "2026-02-16" / "holdout.csv"),)
 
 
 def test_recordings_without_a_robot_are_refused(tmp_path):
@@ -69,10 +53,10 @@ def test_the_day_is_a_day(tmp_path):
     assert [t.taken for t in fleet.find(str(tmp_path))] == ["2026-03-04", ""]
 
 
-def test_a_row_is_the_verdict_of_its_recordings(folder, alone):
-    row = alone[(alone["unit"] == "robot7") & (alone["taken"] == "2026-03-03")].iloc[0]
-    day = folder / "robot7" / "2026-03-03"
-    robot = pkm.load(folder / "robot7" / "robot.toml")
+def test_a_row_is_the_verdict_of_its_recordings(fleet_root, diagnosed):
+    row = diagnosed[(diagnosed["unit"] == "robot7") & (diagnosed["taken"] == "2026-03-03")].iloc[0]
+    day = fleet_root / "robot7" / "2026-03-03"
+    robot = pkm.load(fleet_root / "robot7" / "robot.toml")
     report = pkm.diagnose(robot, pkm.read(day / "A.csv"), holdout=pkm.read(day / "holdout.csv"))
     assert json.loads(row["answer"]) == report.verdict
     assert row["rms_final"] == report.verdict["heldout"]["rms_final"]
@@ -82,9 +66,9 @@ def test_a_row_is_the_verdict_of_its_recordings(folder, alone):
     assert quantity["lower"] < quantity["value"] < quantity["upper"]
 
 
-def test_a_row_says_where_it_comes_from(folder, alone):
-    row = alone.iloc[0]
-    path = folder / "robot3" / "2026-02-16" / "A.csv"
+def test_a_row_says_where_it_comes_from(fleet_root, diagnosed):
+    row = diagnosed.iloc[0]
+    path = fleet_root / "robot3" / "2026-02-16" / "A.csv"
     told = subprocess.run(["sha256sum", path], capture_output=True, text=True, check=False)
     if told.returncode == 0:
         assert row["recordings_sha256"][0] == told.stdout.split()[0]
@@ -93,19 +77,19 @@ def test_a_row_says_where_it_comes_from(folder, alone):
     age = (fleet._compare.need("pandas").Timestamp.now(tz="UTC") - row["finished"]).total_seconds()
     assert 0 <= age < 3600 and row["seconds"] > 0
     # The three robots have the same files.
-    assert alone["robot_sha256"].nunique() == 1 and alone["key"].nunique() == len(alone) == 5
+    assert diagnosed["robot_sha256"].nunique() == 1 and diagnosed["key"].nunique() == len(diagnosed) == 5
 
 
-def test_a_damaged_recording_is_a_row_with_an_error(folder, alone):
-    bad = alone[alone["status"] == "error"]
+def test_a_damaged_recording_is_a_row_with_an_error(fleet_root, diagnosed):
+    bad = diagnosed[diagnosed["status"] == "error"]
     assert list(bad["taken"]) == ["2026-03-05"]
     with pytest.raises(ValueError) as error:
-        pkm.read(folder / "robot9" / "2026-03-05" / "A.csv")
+        pkm.read(fleet_root / "robot9" / "2026-03-05" / "A.csv")
     assert bad.iloc[0]["error"] == str(error.value) and "line 301" in bad.iloc[0]["error"]
-    assert (alone["status"] != "error").sum() == 4
+    assert (diagnosed["status"] != "error").sum() == 4
 
 
-def test_a_second_run_does_what_is_new(folder, tmp_path):
+def test_a_second_run_does_what_is_new(tmp_path):
     root, table = tmp_path / "fleet", str(tmp_path / "t.parquet")
     robot = robot_folder(root, "robot1")
     for k in range(3):
@@ -135,9 +119,9 @@ def test_a_second_run_does_what_is_new(folder, tmp_path):
     assert len(fifth) == 6
 
 
-def test_another_build_makes_its_own_rows(folder, tmp_path, monkeypatch):
+def test_another_build_makes_its_own_rows(fleet_root, tmp_path, monkeypatch):
     """The version stays the same for many commits: rows of an engine that was mended are not those of the one before."""
-    tasks, table = fleet.find(str(folder))[:2], str(tmp_path / "t.parquet")
+    tasks, table = fleet.find(str(fleet_root))[:2], str(tmp_path / "t.parquet")
     monkeypatch.setattr(pkm, "__build__", "0.1.0 (000000000001)")
     first = fleet.identify(tasks, table, workers=0)
     assert fleet.identify(tasks, table, workers=0)["finished"].equals(first["finished"])
@@ -162,8 +146,8 @@ def test_another_build_makes_its_own_rows(folder, tmp_path, monkeypatch):
         assert len(rows) == 6 and list(rows[rows["status"] == "lost"]["pkm_version"]) == ["0.1.0 (000000000003)"]
 
 
-def test_a_fault_of_one_recording_ends_no_run(folder, tmp_path, monkeypatch):
-    tasks, identification = fleet.find(str(folder))[:2], pkm.Identification
+def test_a_fault_of_one_recording_ends_no_run(fleet_root, tmp_path, monkeypatch):
+    tasks, identification = fleet.find(str(fleet_root))[:2], pkm.Identification
 
     def faulty(robot, **settings):
         if not faults:
@@ -184,8 +168,8 @@ def test_a_fault_of_one_recording_ends_no_run(folder, tmp_path, monkeypatch):
             fleet.identify(tasks, str(tmp_path / "c.parquet"), workers=0)
 
 
-def test_copies_are_one_row_whoever_is_first(folder, tmp_path):
-    [task] = [t for t in fleet.find(str(folder)) if t.unit == "robot3"]
+def test_copies_are_one_row_whoever_is_first(fleet_root, tmp_path):
+    [task] = [t for t in fleet.find(str(fleet_root)) if t.unit == "robot3"]
     copy = tmp_path / "copy.csv"
     shutil.copy(task.recordings[0], copy)
     other = fleet.Task(task.robot, [str(copy)], task.holdout, unit="robot3", taken="2026-05-01")
@@ -200,7 +184,7 @@ def test_reading_makes_nothing(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_run_that_was_stopped_goes_on(folder, identified, tmp_path):
+def test_a_run_that_was_stopped_goes_on(fleet_root, identified, tmp_path):
     table = str(tmp_path / "t.parquet")
 
     def stop(share):
@@ -208,30 +192,30 @@ def test_a_run_that_was_stopped_goes_on(folder, identified, tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        fleet.identify(fleet.find(str(folder)), table, workers=0, progress=stop)
+        fleet.identify(fleet.find(str(fleet_root)), table, workers=0, progress=stop)
     kept = fleet.read(table)
     assert len(kept) == 2
     shares = []
-    rows = fleet.identify(fleet.find(str(folder)), table, workers=0, progress=shares.append)
+    rows = fleet.identify(fleet.find(str(fleet_root)), table, workers=0, progress=shares.append)
     same(rows, identified)
     assert shares == [pytest.approx((k + 1) / 5) for k in range(5)]
     merged = rows.merge(kept, on="key", suffixes=("", "_kept"))
     assert len(merged) == 2 and (merged["finished"] == merged["finished_kept"]).all()
 
 
-def test_a_scheduler_is_reached_by_its_address(folder, identified, tmp_path):
+def test_a_scheduler_is_reached_by_its_address(fleet_root, identified, tmp_path):
     """Started by somebody else, in processes of their own; it is there afterwards as well."""
     with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None, env={"RAYON_NUM_THREADS": "1"}) as cluster:
         address = cluster.scheduler_address
         assert address.startswith("tcp://")
-        same(fleet.identify(fleet.find(str(folder)), str(tmp_path / "t.parquet"), scheduler=address), identified)
+        same(fleet.identify(fleet.find(str(fleet_root)), str(tmp_path / "t.parquet"), scheduler=address), identified)
         with distributed.Client(address) as client:
             assert len(client.nthreads()) == 1
 
 
-def test_robots_and_recordings_may_be_objects(folder, tmp_path):
+def test_robots_and_recordings_may_be_objects(fleet_root, tmp_path):
     robot = pkm.robots.load("five_bar").with_effect("friction_viscous", "shoulder_left", viscous=0.05)
-    day = folder / "robot7" / "2026-03-03"
+    day = fleet_root / "robot7" / "2026-03-03"
     task = fleet.Task(robot, [pkm.read(day / "A.csv")], [pkm.read(day / "holdout.csv")], unit="bench", taken="2026-03-03")
     [row] = fleet.identify([task], str(tmp_path / "t.parquet"), workers=1).to_dict("records")
     expected = pkm.Identification(robot).fit(pkm.read(day / "A.csv"), holdout=pkm.read(day / "holdout.csv"))
@@ -240,20 +224,20 @@ def test_robots_and_recordings_may_be_objects(folder, tmp_path):
     assert pkm.Robot.from_texts(*json.loads(row["answer"]).values()).parameters().tolist() == expected.robot_.parameters().tolist()
 
 
-def test_a_file_that_is_not_there_is_tried_again(folder, tmp_path):
-    task = fleet.find(str(folder))[0]
+def test_a_file_that_is_not_there_is_tried_again(fleet_root, tmp_path):
+    task = fleet.find(str(fleet_root))[0]
     later = tmp_path / "later.csv"
     waiting = fleet.Task(task.robot, [str(later)], task.holdout, unit="robot3", taken=task.taken)
     rows = fleet.identify([waiting, task], str(tmp_path / "t.parquet"), workers=1, retries=1)
     assert sorted(rows["status"]) == ["identified", "lost"]
     assert "later.csv" in rows[rows["status"] == "lost"].iloc[0]["error"]
-    later.write_bytes((folder / "robot7" / "2026-02-17" / "A.csv").read_bytes())
+    later.write_bytes((fleet_root / "robot7" / "2026-02-17" / "A.csv").read_bytes())
     rows = fleet.identify([waiting, task], str(tmp_path / "t.parquet"), workers=1)
     assert list(rows["status"]) == ["identified", "identified"]
 
 
-def test_bad_requests_are_refused(folder, tmp_path):
-    tasks = fleet.find(str(folder))[:1]
+def test_bad_requests_are_refused(fleet_root, tmp_path):
+    tasks = fleet.find(str(fleet_root))[:1]
     (tmp_path / "t.parquet").write_text("no table", encoding="utf-8")
     with pytest.raises(ValueError, match=r"t.parquet: not a table of pkm.fleet") as error:
         fleet.identify(tasks, str(tmp_path / "t.parquet"), workers=0)
@@ -273,16 +257,16 @@ def shell(*arguments):
     return subprocess.run([sys.executable, "-m", "pkm.fleet", *map(str, arguments)], capture_output=True, text=True, check=False)
 
 
-def test_the_command_line(folder, tmp_path):
+def test_the_command_line(fleet_root, tmp_path):
     told = shell("--help")
     assert told.returncode == 0 and "--scheduler" in shell("diagnose", "--help").stdout and "examples:" in told.stdout
     table = tmp_path / "t.parquet"
-    done = shell("identify", folder, "--table", table, "--workers", 1, "--settings", '{"method": "wls"}')
+    done = shell("identify", fleet_root, "--table", table, "--workers", 1, "--settings", '{"method": "wls"}')
     # One recording is damaged: that is told, and is no reason to stop.
     assert done.returncode == 1, done.stderr
     assert [line.split()[:3] for line in done.stdout.splitlines()][-1] == ["robot9", "2026-03-05", "error"]
     # The table holds more than is asked for: that is told of alone.
-    part = shell("identify", folder / "robot7", "--table", table, "--workers", 0, "--settings", '{"method": "wls"}')
+    part = shell("identify", fleet_root / "robot7", "--table", table, "--workers", 0, "--settings", '{"method": "wls"}')
     assert part.returncode == 0 and [line.split()[1] for line in part.stdout.splitlines()] == ["2026-02-17", "2026-03-03"]
     assert shell("--version").stdout.strip() == f"pkm {pkm.__build__}"
     compared = shell("compare", table, "robot7", "--since", "2026-03-01")

@@ -12,7 +12,7 @@ import time
 import uuid
 
 import pytest
-from fleets import fleet_folder, record, robot_folder, same
+from fleets import record, robot_folder, same
 
 for needed in ("dask", "distributed", "fsspec", "pandas", "psutil", "pyarrow", "scipy"):
     pytest.importorskip(needed, reason=f"the package {needed} is not installed")
@@ -29,25 +29,8 @@ ONE_THREAD = {"RAYON_NUM_THREADS": "1"}
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return fleet_folder(tmp_path_factory.mktemp("fleet"))
-
-
-@pytest.fixture(scope="module")
-def tasks(folder):
-    return fleet.find(str(folder))
-
-
-@pytest.fixture(scope="module")
-def alone(tasks, tmp_path_factory):
-    """The table of one process without a cluster."""
-    return fleet.diagnose(tasks, str(tmp_path_factory.mktemp("alone") / "verdicts.parquet"), workers=0)
-
-
-@pytest.fixture(scope="module")
-def identified(tasks, tmp_path_factory):
-    """The same of identifications."""
-    return fleet.identify(tasks, str(tmp_path_factory.mktemp("alone") / "parameters.parquet"), workers=0)
+def tasks(fleet_root):
+    return fleet.find(str(fleet_root))
 
 
 def cluster_of(n):
@@ -69,7 +52,7 @@ def kill_a_busy_worker(client, killed, stop):
 
 # All tasks at once, and one per thread: then the others are submitted as those come back.
 @pytest.mark.parametrize("ahead", [8, 1])
-def test_killed_workers_change_nothing(tasks, alone, tmp_path, monkeypatch, ahead):
+def test_killed_workers_change_nothing(tasks, diagnosed, tmp_path, monkeypatch, ahead):
     monkeypatch.setattr(fleet._run, "AHEAD", ahead)
     killed, stop, submitted, shares, held = [], threading.Event(), [], [], []
 
@@ -88,8 +71,8 @@ def test_killed_workers_change_nothing(tasks, alone, tmp_path, monkeypatch, ahea
         killer.join()
         after = set(client.run(os.getpid).values())
     assert killed and killed[0] in before and killed[0] not in after
-    same(rows, alone)
-    same(fleet.read(str(tmp_path / "verdicts.parquet")), alone)
+    same(rows, diagnosed)
+    same(fleet.read(str(tmp_path / "verdicts.parquet")), diagnosed)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["verdicts.parquet"]
     assert shares == [pytest.approx((k + 1) / 5) for k in range(5)]
     # What the scheduler holds when a row has come, before the next is submitted: of five tasks, or of two threads.

@@ -5,24 +5,13 @@ import os
 import urllib.request
 
 import pytest
-from fleets import fleet_folder, record
+from fleets import record
 
 for needed in ("dask", "distributed", "fsspec", "pandas", "pyarrow", "scipy"):
     pytest.importorskip(needed, reason=f"the package {needed} is not installed")
 
 import fsspec
 from pkm import fleet
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return fleet_folder(tmp_path_factory.mktemp("fleet"))
-
-
-@pytest.fixture(scope="module")
-def identified(folder, tmp_path_factory):
-    """The table of one process, of files of this machine."""
-    return fleet.identify(fleet.find(str(folder)), str(tmp_path_factory.mktemp("alone") / "parameters.parquet"), workers=0)
 
 
 def same_of_other_paths(rows, others):
@@ -32,9 +21,9 @@ def same_of_other_paths(rows, others):
     assert left == right
 
 
-def test_files_may_lie_in_memory(folder, identified):
+def test_files_may_lie_in_memory(fleet_root, identified):
     memory = fsspec.filesystem("memory")
-    memory.put(str(folder / "robot7"), "/fleet/robot7", recursive=True)
+    memory.put(str(fleet_root / "robot7"), "/fleet/robot7", recursive=True)
     try:
         tasks = fleet.find("memory://fleet")
         assert tasks[0].recordings == ("memory:///fleet/robot7/2026-02-17/A.csv",)
@@ -110,9 +99,9 @@ def s3(monkeypatch):
     fsspec.get_filesystem_class("s3").clear_instance_cache()
 
 
-def test_everything_may_lie_in_a_bucket(folder, identified, s3, tmp_path):
+def test_everything_may_lie_in_a_bucket(fleet_root, identified, s3, tmp_path):
     store, _ = s3
-    store.put(str(folder) + "/", "robots/fleet/", recursive=True)
+    store.put(str(fleet_root) + "/", "robots/fleet/", recursive=True)
     tasks, table = fleet.find("s3://robots/fleet"), "s3://robots/out/parameters.parquet"
     assert tasks[0].recordings == ("s3://robots/fleet/robot3/2026-02-16/A.csv",) and tasks[0].robot == "s3://robots/fleet/robot3/robot.toml"
     # A run of this process alone, stopped after two rows; then a worker in a process of its own.
@@ -135,7 +124,7 @@ def test_everything_may_lie_in_a_bucket(folder, identified, s3, tmp_path):
     store.put(str(tmp_path / "2026-04-01" / "A.csv"), "robots/fleet/robot3/2026-04-01/A.csv")
     tasks = fleet.find("s3://robots/fleet")
     fsspec.filesystem("s3").ls("robots/fleet/robot9/2026-03-05")
-    good = (folder / "robot9" / "2026-03-04" / "A.csv").read_bytes()
+    good = (fleet_root / "robot9" / "2026-03-04" / "A.csv").read_bytes()
     store.pipe_file("robots/fleet/robot9/2026-03-05/A.csv", good)
     assert fleet._work.fetched("s3://robots/fleet/robot9/2026-03-05/A.csv") == good
     rows = fleet.identify(tasks, table, workers=0)
@@ -146,20 +135,20 @@ def test_everything_may_lie_in_a_bucket(folder, identified, s3, tmp_path):
         fleet.read(table)
 
 
-def test_a_bucket_that_is_not_there_is_not_made(folder, s3):
+def test_a_bucket_that_is_not_there_is_not_made(fleet_root, s3):
     store, _ = s3
     with pytest.raises(FileNotFoundError, match="no such table"):
         fleet.read("s3://robotz/t.parquet")
     with pytest.raises(OSError, match="bucket does not exist"):
-        fleet.identify(fleet.find(str(folder))[:1], "s3://robotz/t.parquet", workers=0)
+        fleet.identify(fleet.find(str(fleet_root))[:1], "s3://robotz/t.parquet", workers=0)
     assert store.ls("") == ["robots"]
 
 
 @pytest.mark.parametrize("workers", [0, 1])
-def test_a_store_that_is_not_reached_loses_no_run(folder, s3, tmp_path, workers):
+def test_a_store_that_is_not_reached_loses_no_run(fleet_root, s3, tmp_path, workers):
     """Its library's own errors are no OSError, and not all of them can be pickled."""
     store, server = s3
-    there, elsewhere = fleet.find(str(folder))[:2]
+    there, elsewhere = fleet.find(str(fleet_root))[:2]
     away = fleet.Task(there.robot, ["s3://robots/A.csv"], there.holdout, unit="robot1")
     store.put(there.recordings[0], "robots/A.csv")
     server.stop()

@@ -9,6 +9,9 @@ use crate::{guide, python};
 /// Version of Pinocchio the golden files are made with, and the one that is measured against.
 pub(crate) const PINOCCHIO: &str = "pin==4.1.0";
 
+/// What measurements write, as git leaves it out.
+const TABLES: [&str; 3] = [":(exclude)benches/README.md", ":(exclude)docs/BENCHES.md", ":(exclude)docs/results"];
+
 /// Names among those of `long` that are no test files: the notebooks, the tests of the binary's processes, the blind trials.
 const OTHERS: [&str; 3] = [NOTEBOOKS, DAEMON, PROVE];
 const NOTEBOOKS: &str = "notebooks";
@@ -76,11 +79,11 @@ fn prove(results: &Path, commit: &str) -> Result<(), String> {
     fs::write(&path, format!("commit {commit}\n\n{table}")).map_err(|e| format!("{}: {e}", path.display()))
 }
 
-/// Short id of the commit, marked when files differ from it.
+/// Short id of the commit, marked when files differ from it; the tables that measurements themselves write are no difference.
 pub(crate) fn commit() -> String {
     let git = |arguments: &[&str]| answer(&mut program("git", arguments));
     let Some(id) = git(&["rev-parse", "--short=12", "HEAD"]) else { return "unknown".to_string() };
-    let is_clean = git(&["status", "--porcelain"]).is_some_and(|lines| lines.is_empty());
+    let is_clean = git(&[&["status", "--porcelain", "--", "."], &TABLES[..]].concat()).is_some_and(|lines| lines.is_empty());
     if is_clean { id } else { format!("{id}+changes") }
 }
 

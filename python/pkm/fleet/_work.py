@@ -194,16 +194,7 @@ def done(kind: str, task: Task, settings: str, known: frozenset[str], place: dic
     Bad input is a row with an error, a file that cannot be had an OSError.
     """
     started = time.perf_counter()
-    row: dict[str, Any] = {
-        "kind": kind,
-        "unit": task.unit,
-        "taken": task.taken,
-        "robot_path": _path(task.robot),
-        "recordings": [_name(r) for r in task.recordings],
-        "holdout": [_name(r) for r in task.holdout],
-        "settings": settings,
-        "pkm_version": pkm.__build__,
-    }
+    row = _asked(kind, task, settings)
     given = [*task.recordings, *task.holdout]
     data = [fetched(r) if isinstance(r, str) else None for r in given]
     hashes = [_array_hash(r) if isinstance(r, pkm.Recording) else sha256(d or b"") for r, d in zip(given, data, strict=True)]
@@ -239,21 +230,25 @@ def done(kind: str, task: Task, settings: str, known: frozenset[str], place: dic
     return row | circumstances(time.perf_counter() - started)
 
 
-def lost(kind: str, task: Task, settings: str, reason: str) -> dict[str, Any]:
-    """The row of a task that was given up."""
+def _asked(kind: str, task: Task, settings: str) -> dict[str, Any]:
+    """What a row says of the task, whatever comes of it."""
+    n = len(task.recordings)
     return {
-        "key": lost_key(kind, task, settings),
         "kind": kind,
         "unit": task.unit,
         "taken": task.taken,
         "robot_path": _path(task.robot),
-        "recordings": list(task.names[: len(task.recordings)]),
-        "holdout": list(task.names[len(task.recordings) :]),
+        "recordings": list(task.names[:n]),
+        "holdout": list(task.names[n:]),
         "settings": settings,
         "pkm_version": pkm.__build__,
-        "status": LOST,
-        "error": reason,
-    } | circumstances(0.0)
+    }
+
+
+def lost(kind: str, task: Task, settings: str, reason: str) -> dict[str, Any]:
+    """The row of a task that was given up."""
+    given_up = {"key": lost_key(kind, task, settings), "status": LOST, "error": reason}
+    return _asked(kind, task, settings) | given_up | circumstances(0.0)
 
 
 def lost_key(kind: str, task: Task, settings: str) -> str:
