@@ -129,6 +129,27 @@ fn thousandths_are_told_where_weight_or_coupling_shows_them() {
 }
 
 #[test]
+fn turned_signs_and_exchanged_columns_are_told_and_nothing_is_made_of_them() {
+    for name in ["prs3", "serial_arm", "five_bar", "motobotte"] {
+        let robot = shipped(name);
+        let r = recorded(&robot, &[], 1);
+        let drives: Vec<String> = robot.robot.model.actuators.iter().map(|&j| robot.robot.model.joints[j].name.clone()).collect();
+        let says = refusal(&robot, &[times(&r, -1.0, None)], &[]).unwrap_or_else(|| panic!("{name} with turned signs is taken"));
+        assert!(says.contains("with its sign turned") && named(&robot, &says).len() == drives.len(), "{name}: {says}");
+        let says = refusal(&robot, &[times(&r, -1.0, Some(&drives[0]))], &[]).unwrap_or_else(|| panic!("one sign of {name} is taken"));
+        assert_eq!(named(&robot, &says), [format!("tau.{}", drives[0])], "{name}: {says}");
+    }
+    let robot = shipped("serial_arm");
+    let mut r = recorded(&robot, &[], 1);
+    let [a, b] = ["tau.j2", "tau.j3"].map(|c| r.signals[c].clone());
+    r.signals.extend([("tau.j2".to_string(), b), ("tau.j3".to_string(), a)]);
+    let says = refusal(&robot, from_ref(&r), &[]).expect("exchanged columns are taken");
+    assert!(says.contains("are the columns exchanged?") && named(&robot, &says) == ["tau.j2", "tau.j3"], "{says}");
+    let found = identify(&robot.robot, from_ref(&r), &[], &pkm_ident::Settings::default(), &mut |_| {}).expect("it reads");
+    assert!(found.notes.iter().any(|n| matches!(n, Note::Mixed(_))), "{:?}", found.notes);
+}
+
+#[test]
 fn one_column_or_one_held_out_recording_in_another_unit_is_named() {
     let robot = shipped("prs3");
     let [r, other] = [1, 2].map(|seed| recorded(&robot, &[], seed));

@@ -316,7 +316,7 @@ class Recording:
 
     @staticmethod
     def from_pandas(frame: pandas.DataFrame) -> Recording:
-        """The index, or the column `t` or `time`, is time [s], every other column a signal."""
+        """The column `t` or `time`, or an index that is more than a count of rows, is time [s], every other column a signal."""
 
     @staticmethod
     def from_xarray(dataset: xarray.Dataset) -> Recording:
@@ -543,7 +543,7 @@ class Report:
         """One self-contained HTML page with every number and picture."""
 
     def save(self, path_json: str | os.PathLike[str], *, html: str | os.PathLike[str] | None = None) -> None:
-        """Writes the verdict as JSON, the refined robot beside it (`OUT.robot.toml`, `OUT.urdf`), and the page to `html`."""
+        """Writes the verdict as JSON, the refined robot beside it (`OUT.robot.toml`, `OUT.robot.urdf`), and the page to `html`."""
 
     def refined(self, urdf_name: str) -> tuple[str, str]:
         """The refined robot as the texts of its robot.toml, which names `urdf_name`, and of that URDF."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import re
 from typing import TYPE_CHECKING, Any
 
 import numpy
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 
 # Columns that are taken for time where the index is none.
 TIME = ("t", "time")
+# Names under which loggers keep time in units of their own: `timestamp`, `t [s]`, `stamp`, `Time (ms)`.
+LIKE_TIME = re.compile(r"time|stamp|^t(?![a-z0-9.])|^sec(ond)?s?(?![a-z])", re.IGNORECASE)
 
 
 def _need(name: str) -> Any:
@@ -39,9 +42,16 @@ def to_pandas(recording: Recording, robot: Robot | None = None) -> pandas.DataFr
 
 
 def from_pandas(frame: pandas.DataFrame) -> Recording:
-    """Time from the column `t` or `time`, or else the index; every other column is a signal; `attrs` as `to_pandas` writes it."""
+    """Time from the column `t` or `time`, or else the index; every other column is a signal; `attrs` as `to_pandas` writes it.
+
+    An index without a name that counts rows is no time: pandas makes one where it is given none.
+    """
     pkm = importlib.import_module("pkm")
     column = next((name for name in TIME if name in frame.columns), None)
+    if column is None and frame.index.name is None and frame.index.dtype.kind in "iu":
+        like = next((str(name) for name in frame.columns if LIKE_TIME.search(str(name))), None)
+        what = "name that of time t" if like is None else f"there is {like!r}: rename it t if it is in seconds or dates"
+        raise ValueError(f"no column t in the frame, and its index only counts rows ({what})")
     times = frame.index if column is None else frame[column]
     signals = {str(name): frame[name].to_numpy(float) for name in frame.columns if name != column}
     made: Recording = pkm.Recording(

@@ -42,6 +42,18 @@ fn write_text(path: &Path, text: &str) -> PyResult<()> {
     std::fs::write(path, text).map_err(|e| PyOSError::new_err(format!("{}: {e}", path.display())))
 }
 
+impl Report {
+    /// Refuses to write where the diagnosed robot's own files lie, by what they hold: a robot does not know where it came from.
+    fn spare(&self, path: &Path) -> PyResult<()> {
+        let there = std::fs::read(path).unwrap_or_default();
+        let own = [&self.description.toml_text, &self.description.urdf_text];
+        if own.iter().any(|text| !text.is_empty() && text.as_bytes() == there) {
+            return Err(error::value(format!("{}: would overwrite the robot's own file; choose another name", path.display())));
+        }
+        Ok(())
+    }
+}
+
 #[pymethods]
 impl Report {
     /// The verdict as a dict in the layout `pkm.verdict/1`.
@@ -70,13 +82,16 @@ impl Report {
 
     /// Writes the verdict as JSON to `path_json`, the refined robot beside it, and the HTML page to `html` if that is given.
     ///
-    /// For `OUT.json` the refined robot is `OUT.robot.toml` and `OUT.urdf`; `refined_model` in the JSON names the former.
+    /// For `OUT.json` the refined robot is `OUT.robot.toml` and `OUT.robot.urdf`, as from `pkm diagnose`; `refined_model` in the JSON names the
+    /// former. `ValueError` where one of them would take the place of the robot's own files: then nothing is written.
     #[pyo3(signature = (path_json, *, html = None))]
     fn save(&self, path_json: PathBuf, html: Option<PathBuf>) -> PyResult<()> {
         let mut diagnosis = self.diagnosis.clone();
         let stem = path_json.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let beside = [".robot.toml", ".robot.urdf"].map(|end| path_json.with_file_name(format!("{stem}{end}")));
+        beside.iter().chain([&path_json]).chain(&html).try_for_each(|path| self.spare(path))?;
         if self.diagnosis.refined.is_some() {
-            let [toml_name, urdf_name] = [format!("{stem}.robot.toml"), format!("{stem}.urdf")];
+            let [toml_name, urdf_name] = [format!("{stem}.robot.toml"), format!("{stem}.robot.urdf")];
             let (toml, urdf) = self.refined(&urdf_name)?;
             write_text(&path_json.with_file_name(&toml_name), &toml)?;
             write_text(&path_json.with_file_name(&urdf_name), &urdf)?;

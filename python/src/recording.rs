@@ -130,7 +130,8 @@ impl Recording {
         slf.py().import("pkm.tables")?.call_method1("to_xarray", (slf, robot))
     }
 
-    /// From a `pandas.DataFrame`: its index, or its column `t` or `time`, is time `[s]`, every other column a signal.
+    /// From a `pandas.DataFrame`: its column `t` or `time`, or an index that is more than a count of rows, is time `[s]`, every other column a
+    /// signal.
     #[staticmethod]
     fn from_pandas<'py>(py: Python<'py>, frame: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         py.import("pkm.tables")?.call_method1("from_pandas", (frame,))

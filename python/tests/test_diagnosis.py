@@ -18,6 +18,9 @@ def test_hidden_friction_is_found(hidden):
     assert (first["effect"], first["where"]) == ("friction_coulomb", ["q1"])
     # 26 N stand in the URDF: the finding states the whole of the joint's dry friction.
     assert first["parameters"]["coulomb"]["value"] == pytest.approx(26.0 + 90.0, rel=0.05)
+    for told in (first["says"], first["equation"], first["compensation"]["says"]):
+        assert "(26.00 N in the robot's file)" in told
+    assert "add only what the controller does not do already" in first["compensation"]["says"]
     assert verdict["heldout"]["rms_final"] < 0.5 * verdict["heldout"]["rms_nominal"]
     assert verdict["recordings"][0]["path"] == recording.name
 
@@ -61,6 +64,29 @@ def test_a_saved_report_is_a_verdict_beside_a_robot(hidden, tmp_path):
     assert "<svg" in (tmp_path / "out.html").read_text(encoding="utf-8")
     with pytest.raises(OSError):
         report.save(tmp_path / "no" / "out.json")
+
+
+def test_a_report_never_takes_the_place_of_its_robot(hidden, tmp_path):
+    robot, _, report, _ = hidden
+    toml, urdf = robot.texts()
+    own = {"out.robot.toml": toml, "out.robot.urdf": urdf, "prs3.urdf": urdf}
+    for name, text in own.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match=r"out.robot.toml: would overwrite the robot's own file"):
+        report.save(tmp_path / "out.json")
+    with pytest.raises(ValueError, match=r"prs3.urdf: would overwrite"):
+        report.save(tmp_path / "other.json", html=tmp_path / "prs3.urdf")
+    assert {path.name: path.read_text(encoding="utf-8") for path in tmp_path.iterdir()} == own
+    # Named as the robot, as one is likely to do: its URDF stays.
+    report.save(tmp_path / "prs3.json")
+    assert (tmp_path / "prs3.urdf").read_text(encoding="utf-8") == urdf and (tmp_path / "prs3.robot.urdf").exists()
+
+
+def test_a_copy_confirms_nothing(hidden):
+    robot, recording, _, _ = hidden
+    copy = pkm.Recording(recording.time, {name: recording[name] for name in recording.signals}, name="copy")
+    with pytest.raises(ValueError, match=r"copy: the same samples as .*first"):
+        pkm.diagnose(robot, [recording], holdout=[copy])
 
 
 def test_the_refined_robot_explains_the_recording(hidden):

@@ -4,6 +4,7 @@ import json
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pkm
 import pytest
@@ -43,6 +44,22 @@ def test_recordings_without_a_robot_are_refused(tmp_path):
     for wrong in ("March", "2026-02-30", "20260301"):
         with pytest.raises(ValueError, match=f"taken = '{wrong}'"):
             fleet.Task("robot.toml", ["A.csv"], taken=wrong)
+
+
+def test_a_folder_that_is_not_there_or_empty_is_refused(tmp_path):
+    with pytest.raises(FileNotFoundError) as error:
+        fleet.find(str(tmp_path / "none"))
+    assert str(error.value) == f"{tmp_path / 'none'}: no such folder"
+    with pytest.raises(FileNotFoundError, match="memory://none: no such folder"):
+        fleet.find("memory://none")
+    # Looking for it does not make it.
+    assert not list(tmp_path.iterdir())
+    robot_folder(tmp_path, "robot1")
+    (tmp_path / "robot1" / "notes.txt").touch()
+    for folder in (tmp_path, tmp_path / "robot1"):
+        with pytest.raises(ValueError) as error:
+            fleet.find(str(folder))
+        assert str(error.value) == f"{folder}: no recordings there or below (.csv, .mcap)"
 
 
 def test_the_day_is_a_day(tmp_path):
@@ -181,7 +198,21 @@ def test_copies_are_one_row_whoever_is_first(fleet_root, tmp_path):
 def test_reading_makes_nothing(tmp_path):
     with pytest.raises(FileNotFoundError, match="no such table"):
         fleet.read(str(tmp_path / "none" / "t.parquet"))
+    with pytest.raises(FileNotFoundError, match="no such table"):
+        fleet.compare(str(tmp_path / "none" / "t.parquet"), "robot7", since="2026-03-01")
     assert not list(tmp_path.iterdir())
+
+
+def test_the_folder_of_a_table_is_made_before_work_starts(fleet_root, tmp_path, monkeypatch):
+    tasks = fleet.find(str(fleet_root))[:1]
+    fleet.identify(tasks, str(tmp_path / "new" / "er" / "t.parquet"), workers=0)
+    assert [p.name for p in (tmp_path / "new" / "er").iterdir()] == ["t.parquet"]
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(fleet._run, "done", lambda *item: pytest.fail("work has started"))
+    for path in (tmp_path / "file" / "t.parquet", tmp_path / "file" / "new" / "t.parquet"):
+        with pytest.raises(OSError, match="file") as error:
+            fleet.identify(tasks, str(path), workers=0)
+        assert "\n" not in str(error.value)
 
 
 def test_a_run_that_was_stopped_goes_on(fleet_root, identified, tmp_path):
@@ -253,6 +284,16 @@ def test_bad_requests_are_refused(fleet_root, tmp_path):
     assert rows.iloc[0]["status"] == "error" and "colour" in rows.iloc[0]["error"]
 
 
+def test_what_is_missing_is_installed_from_the_sources():
+    """The name pkm on PyPI is another project's: no text of the package may send anybody there."""
+    with pytest.raises(ImportError) as error:
+        fleet._needs.need("no_such.package")
+    assert str(error.value) == "pkm.fleet needs the package no_such: pip install './python[fleet]' at the root of a clone of the project"
+    assert "pip install './python[fleet]'" in fleet.__doc__ and "pip install './python[plot]'" in pkm.plot.__doc__
+    sources = [path for suffix in ("py", "pyi") for path in Path(pkm.__file__).parent.rglob(f"*.{suffix}")]
+    assert len(sources) > 20 and not [path.name for path in sources if "install pkm" in path.read_text(encoding="utf-8")]
+
+
 def shell(*arguments):
     return subprocess.run([sys.executable, "-m", "pkm.fleet", *map(str, arguments)], capture_output=True, text=True, check=False)
 
@@ -271,9 +312,15 @@ def test_the_command_line(fleet_root, tmp_path):
     assert shell("--version").stdout.strip() == f"pkm {pkm.__build__}"
     compared = shell("compare", table, "robot7", "--since", "2026-03-01")
     assert compared.returncode == 0 and "moved" in compared.stdout and "shoulder_left.coulomb" in compared.stdout
-    for wrong in (["compare", table, "robot1", "--since", "2026-03-01"], ["identify", tmp_path / "none", "--table", table]):
+    (tmp_path / "empty").mkdir()
+    for wrong, told in [
+        (["compare", table, "robot1", "--since", "2026-03-01"], "no unit 'robot1'"),
+        (["identify", tmp_path / "none", "--table", tmp_path / "none" / "t.parquet"], "none: no such folder"),
+        (["identify", tmp_path / "empty", "--table", tmp_path / "none" / "t.parquet"], "empty: no recordings"),
+    ]:
         refused = shell(*wrong)
         assert refused.returncode == 2 and refused.stderr.startswith("error: ") and len(refused.stderr.splitlines()) == 1
+        assert told in refused.stderr and not (tmp_path / "none").exists()
 
 
 def test_the_bench_tells_what_workers_gain():

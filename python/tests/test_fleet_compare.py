@@ -141,12 +141,32 @@ def test_bad_questions_are_refused(tmp_path):
         ({"since": "2026-03-01", "against": "r3"}, "one of since"),
         ({"before": ("2026-01-01", "2026-02-01")}, "one of since"),
         ({"since": "March"}, "'March' is no day"),
-        ({"since": "2026-03-01"}, "no usable rows after (days it has: 2026-02-01)"),
+        ({"since": "2026-03-01"}, "unit 'r7': no usable rows after (usable: 2026-02-01)"),
         ({"against": "r3"}, "no unit 'r3' in the table (has: r7)"),
         ({"since": "2026-01-01", "level": 2.0}, "level = 2.0"),
     ]:
         with pytest.raises(ValueError) as error:
             fleet.compare(rows, "r7", **wrong)
         assert told in str(error.value) and "\n" not in str(error.value)
-    with pytest.raises(ValueError, match="rows of 1 weeks"):
+    with pytest.raises(ValueError, match=r"usable rows of 1 weeks \(two are needed; usable: 2026-02-01\)"):
         fleet.weeks(rows, "r7")
+
+
+def test_what_lacks_usable_rows_is_named_and_told_why():
+    rows = [row("r7", "2026-03-03", {"a": 1.0}, 0.1), row("r7", "2026-02-17", {}, 0.1, status="error")]
+    rows += [row("r3", "2026-02-16", {}, 0.1, status="error"), row("r3", "2026-02-17", {}, 0.1, status="unusable")]
+    rows.append(row("r3", "", {}, 0.1, status="error"))
+    for unit, wrong, told in [
+        # Whichever of the two it is.
+        ("r7", {"against": "r3"}, "unit 'r3': no usable rows (error: 2026-02-16, undated; unusable: 2026-02-17)"),
+        ("r3", {"against": "r7"}, "unit 'r3': no usable rows (error: 2026-02-16, undated; unusable: 2026-02-17)"),
+        ("r7", {"since": "2026-03-01"}, "unit 'r7': no usable rows before (usable: 2026-03-03; error: 2026-02-17)"),
+        ("r3", {"since": "2026-03-01"}, "unit 'r3': no usable rows before (error: 2026-02-16, undated; unusable: 2026-02-17)"),
+        ("r7", {"since": "2026-03-01", "kind": "diagnose"}, "no usable rows before (kind 'identify': 2026-02-17, 2026-03-03)"),
+        ("r7", {"before": ("2026-03-01", "2026-03-09"), "after": ("2026-04-01", "2026-04-02")}, "rows after (usable: 2026-03-03; error: "),
+    ]:
+        with pytest.raises(ValueError) as error:
+            fleet.compare(table(rows), unit, **wrong)
+        assert told in str(error.value) and "\n" not in str(error.value)
+    with pytest.raises(ValueError, match=r"'r7': usable rows of 1 weeks \(two are needed; usable: 2026-03-03; error: 2026-02-17\)"):
+        fleet.weeks(table(rows), "r7")

@@ -139,6 +139,11 @@ def test_a_bucket_that_is_not_there_is_not_made(fleet_root, s3):
     store, _ = s3
     with pytest.raises(FileNotFoundError, match="no such table"):
         fleet.read("s3://robotz/t.parquet")
+    # Neither is what nothing lies below, of whatever name.
+    for none in ("s3://robots/none", "s3://robotz/none"):
+        with pytest.raises(FileNotFoundError) as error:
+            fleet.find(none)
+        assert "\n" not in str(error.value)
     with pytest.raises(OSError, match="bucket does not exist"):
         fleet.identify(fleet.find(str(fleet_root))[:1], "s3://robotz/t.parquet", workers=0)
     assert store.ls("") == ["robots"]

@@ -1,5 +1,7 @@
 """Pictures: what is on the axes are the numbers of the objects, and every axis says what it shows."""
 
+import inspect
+
 import numpy as np
 import pkm
 import pytest
@@ -226,6 +228,22 @@ def test_workspaces_are_coloured_by_their_singular_values():
         plot.workspace(found, {"x": axes["x"], "y": axes["x"]})
 
 
+def test_a_workspace_over_drives_has_the_units_of_the_drives():
+    for name, unit in (("five_bar", "rad"), ("prs3", "m")):
+        robot = pkm.robots.load(name)
+        drives = robot.actuators[:2]
+        middle = robot.assemble()[[robot.joints.index(drive) for drive in drives]]
+        step = 1e-3 * np.arange(-1, 2)
+        axes = dict(zip(drives, middle[:, None] + step, strict=True))
+        found = robot.workspace(axes)
+        ax = plot.workspace(found, axes, robot=robot)
+        assert (ax.get_xlabel(), ax.get_ylabel()) == tuple(f"{drive} [{unit}]" for drive in drives)
+        # Whose drives these are cannot be known from the numbers.
+        assert plot.workspace(found, axes).get_xlabel() == f"{drives[0]} [m or rad]"
+        with pytest.raises(ValueError, match=f"no drive '{drives[0]}' in the robot"):
+            plot.workspace(found, axes, robot=pkm.robots.load("serial_arm"))
+
+
 def test_bounds_of_mu_are_drawn_as_computed():
     a, b, c, d = [[-0.1, 1.0], [-1.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]]
     found = pkm.mu((a, b, c, d), [{"kind": "complex"}])
@@ -250,6 +268,9 @@ def test_bode_is_size_and_phase():
     np.testing.assert_allclose(bottom.lines[0].get_ydata(), -np.rad2deg(np.arctan(w)), atol=1e-9)
     np.testing.assert_allclose(bottom.lines[1].get_ydata(), -3 * np.rad2deg(np.arctan(w)), atol=1e-9)
     assert top.get_xscale() == bottom.get_xscale() == "log"
+    # Who brings axes brings both.
+    brought = tuple(pyplot.subplots(2, 1, layout="constrained")[1])
+    assert plot.bode({"lag": (w, 1.0 / (1.0 + 1j * w))}, axes=brought) == brought
     with pytest.raises(ValueError, match="response 'x'"):
         plot.bode({"x": (w, w[:3])})
 
@@ -269,6 +290,16 @@ def test_tracking_shows_reference_measured_and_error():
     assert right.get_ylabel() == "error [N]"
     with pytest.raises(KeyError, match="no signal"):
         plot.tracking(recording, "wrench.foot.fz", "nothing")
+
+
+def test_what_is_said_of_axes_holds_for_every_picture():
+    def taken(name):
+        # Without a default, the axes are those of the workspace.
+        parameters = inspect.signature(getattr(plot, name)).parameters.values()
+        return [p.name for p in parameters if p.name in ("ax", "axes") and p.default is None]
+
+    assert {name: taken(name) for name in plot.__all__} == {name: ["axes"] if name == "bode" else ["ax"] for name in plot.__all__}
+    assert "draws into `ax`" in plot.__doc__ and "`bode` alone draws into two, takes them as `axes` and returns both" in plot.__doc__
 
 
 def test_pictures_go_where_they_are_told(hidden):

@@ -158,6 +158,31 @@ def test_pandas_and_back(mixed):
     assert made.signals == ["q.q1"]
 
 
+def test_row_numbers_are_no_time():
+    """A logger's table whose time is called something else, read without an index."""
+    pandas = pytest.importorskip("pandas", reason="the package pandas is not installed")
+    seconds = np.arange(30) / 100.0
+    for name in ("timestamp", "t [s]", "stamp", "Time (s)", "header.stamp.sec", "T", "time_ns", "seconds"):
+        frame = pandas.DataFrame({"q.q1": np.ones(30), "tau.q1": np.ones(30), "temp.q1": np.ones(30), name: seconds})
+        # Rows that were dropped leave an index that is no range, and counts rows as well.
+        for rows in (frame, frame[frame[name] != 0.05], frame[::2]):
+            with pytest.raises(ValueError) as error:
+                pkm.Recording.from_pandas(rows)
+            told = f"no column t in the frame, and its index only counts rows (there is {name!r}: rename it t if it is in seconds or dates)"
+            assert str(error.value) == told
+        made = pkm.Recording.from_pandas(frame.rename(columns={name: "t"}))
+        np.testing.assert_array_equal(made.time, seconds)
+        made = pkm.Recording.from_pandas(frame.set_index(name))
+        np.testing.assert_array_equal(made.time, seconds)
+    bare = pandas.DataFrame({"q.q1": np.ones(30), "tau.q1": np.ones(30), "temp.q1": np.ones(30), "tool": np.ones(30)})
+    with pytest.raises(ValueError, match=r"index only counts rows \(name that of time t\)"):
+        pkm.Recording.from_pandas(bare)
+    # Of numbers with a point, of dates, or with a name, an index is meant.
+    for index in (pandas.Index(seconds), pandas.date_range("2026-03-01", periods=30, freq="10ms"), pandas.RangeIndex(30, name="t")):
+        made = pkm.Recording.from_pandas(bare.set_index(index))
+        np.testing.assert_allclose(made.time, seconds if index.name is None else np.arange(30), atol=1e-12)
+
+
 def test_xarray_and_back(mixed, tmp_path):
     xarray = pytest.importorskip("xarray", reason="the package xarray is not installed")
     robot, recording = mixed

@@ -58,7 +58,7 @@ pkm.plot.dependence(report, "q1", "temp.q1")
 pkm.plot.isolability(report, effects=["payload"])
 pkm.plot.friction({"as given": robot, "refined": better}, "q1", recording=recording, speed=0.1)
 axes: dict[str, ArrayLike] = {"x": numpy.linspace(0.0, 1.0, 5), "y": [0.0, 0.5]}
-pkm.plot.workspace(robot.workspace(axes), axes, which="serial")
+pkm.plot.workspace(robot.workspace(axes), axes, which="serial", robot=robot)
 pkm.plot.mu(pkm.mu(numpy.eye(2), [{"kind": "full", "rows": 2, "cols": 2}]))
 top, bottom = pkm.plot.bode({"one": (numpy.ones(3), numpy.ones(3) + 0j)})
 pkm.plot.tracking(recording, "q.q1", "q_ref.q1", unit="m", ax=bottom)

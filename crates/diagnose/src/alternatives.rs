@@ -21,47 +21,67 @@ use crate::work::{Candidate, Pick, Variant, Work};
 struct Rival {
     effect: &'static str,
     place: Vec<String>,
-    /// Held-out squared error it takes away, as a share of what the finding takes away.
-    share: f64,
-    /// Whether the finding beats it in the blocks more clearly than chance (paired t-test over blocks, 95 %).
-    is_beaten: bool,
+    beside: Beside,
     /// Physical veto; empty when it reads as possible.
     veto: String,
 }
 
-/// Aliases and rejected look-alikes of the pick at `index`. A lag or delay that was found is in the chain, and its column is an increment about
-/// that: it competes with the chain taken out, where what takes its place has all of it to explain. `work` is left as it was.
-pub(crate) fn alternatives(work: &mut Work, index: usize) -> (Vec<EffectAt>, Vec<LookAlike>) {
-    let c = &work.candidates[work.picks[index].candidate];
-    if c.effect.family() != Family::Chain {
-        return alternatives_as_it_stands(work, index);
-    }
-    let joint = c.scope[0];
-    work.with_chain_out(joint, |work| alternatives_as_it_stands(work, index))
+/// What columns do beside those of a finding.
+#[derive(Debug, Clone, Copy)]
+struct Beside {
+    /// Held-out squared error that they take away, as a share of what the finding takes away.
+    share: f64,
+    /// Whether the finding beats them in the blocks more clearly than chance (paired t-test over blocks, 95 %).
+    is_beaten: bool,
+    /// Share of the error that they leave which the finding takes away beyond them.
+    lead: f64,
 }
 
-fn alternatives_as_it_stands(work: &Work, index: usize) -> (Vec<EffectAt>, Vec<LookAlike>) {
+/// Aliases and rejected look-alikes of the pick at `index`. A lag or delay that was found is in the chain, and its column is an increment about
+/// that: it competes with the chain taken out, where what takes its place has all of it to explain. `work` is left as it was.
+///
+/// `floor` is the share of an error that is worth naming: what leaves that much more than the finding does, and clearly so, is told from it.
+pub(crate) fn alternatives(work: &mut Work, index: usize, floor: f64) -> (Vec<EffectAt>, Vec<LookAlike>) {
+    let c = &work.candidates[work.picks[index].candidate];
+    if c.effect.family() != Family::Chain {
+        return alternatives_as_it_stands(work, index, floor);
+    }
+    let joint = c.scope[0];
+    work.with_chain_out(joint, |work| alternatives_as_it_stands(work, index, floor))
+}
+
+fn alternatives_as_it_stands(work: &Work, index: usize, floor: f64) -> (Vec<EffectAt>, Vec<LookAlike>) {
     let own_name = name(work, index);
     let mut rivals = rivals(work, &[index]);
     let siblings: Vec<usize> = (0..work.picks.len()).filter(|&i| name(work, i) == own_name).collect();
     if own_name == "torque_constant" {
         // A wrong mass shows at several drives at once, so it competes with all wrong scales together.
-        rivals.extend(self::rivals(work, &siblings).into_iter().filter(|r| r.effect == "payload" || r.effect == "inertia_error"));
+        rivals.extend(self::rivals(work, &siblings).into_iter().filter(|r| is_mass(r.effect)));
         rivals.extend(whole_body(work, &siblings));
     }
-    rivals.sort_by(|a, b| b.share.total_cmp(&a.share));
+    if is_mass(own_name) {
+        // And the other way round: several wrong masses are wrong scales of all drives.
+        let masses: Vec<usize> = (0..work.picks.len()).filter(|&i| is_mass(name(work, i))).collect();
+        rivals.extend(all_scales(work, &masses));
+    }
+    rivals.sort_by(|a, b| b.beside.share.total_cmp(&a.beside.share));
     let mut same = Vec::new();
     let mut rejected: Vec<LookAlike> = Vec::new();
     for r in rivals {
         let separating_experiment = experiment(own_name, r.effect);
-        let is_alias = r.share >= ALIAS_SHARE || (r.share >= WEAK_ALIAS_SHARE && !r.is_beaten);
+        let Beside { share, is_beaten, lead } = r.beside;
+        tracing::debug!(finding = own_name, rival = r.effect, place = ?r.place, share, is_beaten, lead, veto = r.veto, "in its place");
+        let is_alias = (share >= WEAK_ALIAS_SHARE && !is_beaten) || (share >= ALIAS_SHARE && lead < floor);
         if is_alias && r.veto.is_empty() {
             if !same.iter().any(|s: &EffectAt| s.effect == r.effect && s.place == r.place) {
                 same.push(EffectAt { effect: r.effect.to_string(), place: r.place, separating_experiment });
             }
-        } else if r.effect != own_name && r.share >= LOOK_ALIKE_SHARE && !rejected.iter().any(|l| l.effect == r.effect) {
+        } else if r.effect != own_name && share >= LOOK_ALIKE_SHARE && !rejected.iter().any(|l| l.effect == r.effect) {
             let why_not = if r.veto.is_empty() {
-                format!("in its place it explains {:.0} % of what {own_name} explains", 100.0 * r.share.max(0.0))
+                let (share, lead) = (100.0 * share.max(0.0), 100.0 * lead);
+                format!(
+                    "in its place it explains {share:.0} % of what {own_name} explains; {own_name} takes away {lead:.0} % of what is left then"
+                )
             } else {
                 format!("as a fit it would be impossible: {}", r.veto)
             };
@@ -161,7 +181,7 @@ fn experiment(a: &str, b: &str) -> String {
         pkm_dyn::effects::find(x).and_then(|e| e.look_alikes.iter().find(|l| l.effect == y)).map(|l| l.experiment.to_string())
     };
     from(a, b).or_else(|| from(b, a)).unwrap_or_else(|| {
-        let has_weight = |x: &str| matches!(x, "payload" | "inertia_error" | "gravity_tilt");
+        let has_weight = |x: &str| is_mass(x) || x == "gravity_tilt";
         let text = if has_weight(a) || has_weight(b) {
             "record in another posture or with a known extra mass: weight changes with posture, and of the mass it is known"
         } else {
@@ -178,7 +198,9 @@ struct Stage {
     columns: Vec<ColumnId>,
     prior: Vec<f64>,
     taken: f64,
-    /// The same per block.
+    /// Joints where they act.
+    scope: Vec<usize>,
+    /// What they take away per block.
     blocks: Vec<f64>,
     /// Columns of the removed picks with inverse prior variances.
     removed: (Vec<ColumnId>, Vec<f64>),
@@ -197,7 +219,8 @@ fn stage(work: &Work, without: &[usize]) -> Stage {
     } else {
         screen::gains(&work.gram, &cross, &base, &own, &own_prior, &[]).all.iter().map(|f| f[0]).collect()
     };
-    Stage { cross, base, columns, prior, taken: blocks.iter().sum(), blocks, removed: (own, own_prior) }
+    let scope = without.iter().flat_map(|&i| work.candidates[work.picks[i].candidate].scope.iter().copied()).collect();
+    Stage { cross, base, columns, prior, taken: blocks.iter().sum(), scope, blocks, removed: (own, own_prior) }
 }
 
 impl Stage {
@@ -213,15 +236,20 @@ impl Stage {
         1.0 + share - both / self.taken.max(f64::MIN_POSITIVE)
     }
 
-    /// Share of what the removed picks take away that other columns take away, and whether they are clearly beaten.
-    fn compare(&self, gains: &[Vec<f64>]) -> (f64, bool) {
+    /// What other columns, which act at `joints`, do beside the removed picks.
+    fn compare(&self, gains: &[Vec<f64>], joints: &[usize]) -> Beside {
         let lead: Vec<f64> = self.blocks.iter().zip(gains).map(|(own, other)| own - other[0]).collect();
         let n = lead.len() as f64;
         let mean = lead.iter().sum::<f64>() / n;
         let variance = lead.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>() / (n - 1.0).max(1.0);
         let error = math::sqrt(variance / n);
         let is_beaten = mean > student_95(lead.len().saturating_sub(1)) * error;
-        (gains.iter().map(|f| f[0]).sum::<f64>() / self.taken.max(f64::MIN_POSITIVE), is_beaten)
+        let theirs: f64 = gains.iter().map(|f| f[0]).sum();
+        let mut both: Vec<usize> = self.scope.iter().chain(joints).copied().collect();
+        both.sort_unstable();
+        both.dedup();
+        let lead = (self.taken - theirs) / (self.base.over(&both, 0) - theirs).max(f64::MIN_POSITIVE);
+        Beside { share: theirs / self.taken.max(f64::MIN_POSITIVE), is_beaten, lead }
     }
 }
 
@@ -238,7 +266,7 @@ fn rivals(work: &Work, without: &[usize]) -> Vec<Rival> {
         if without.iter().any(|&i| is_wider_law(work, c, i)) {
             continue;
         }
-        let mut trials: Vec<(f64, bool, &Variant)> = Vec::new();
+        let mut trials: Vec<(Beside, &Variant)> = Vec::new();
         for v in candidate.variants.iter().filter(|v| v.softness.is_none_or(|w| w == work.softness)) {
             let (own, prior) = own_columns(work, v, &s.columns);
             // A spring with its constant contains an offset: containing the answer is no other answer.
@@ -246,19 +274,23 @@ fn rivals(work: &Work, without: &[usize]) -> Vec<Rival> {
             if own.is_empty() || contains {
                 continue;
             }
-            let (mut share, is_beaten) = s.compare(&screen::gains(&work.gram, &s.cross, &s.base, &own, &prior, &[]).all);
-            if share >= LOOK_ALIKE_SHARE {
-                share = share.min(s.in_common(work, &own, &prior, share));
+            let mut beside = s.compare(&screen::gains(&work.gram, &s.cross, &s.base, &own, &prior, &[]).all, &candidate.scope);
+            if prior.iter().any(|p| *p > 0.0) {
+                // Held back by what is expected of its numbers, it may stay behind though it is the truth.
+                beside.lead = 0.0;
             }
-            trials.push((share, is_beaten, v));
+            if beside.share >= LOOK_ALIKE_SHARE {
+                beside.share = beside.share.min(s.in_common(work, &own, &prior, beside.share));
+            }
+            trials.push((beside, v));
         }
-        trials.sort_by(|a, b| b.0.total_cmp(&a.0));
+        trials.sort_by(|a, b| b.0.share.total_cmp(&a.0.share));
         // The best shape that is possible speaks for the candidate; the best of all where none is.
-        let rival = |&(share, is_beaten, v): &(f64, bool, &Variant)| {
+        let rival = |&(beside, v): &(Beside, &Variant)| {
             let veto = veto(work, &s, c, v);
-            Rival { effect: candidate.effect_name(), place: candidate.places(&work.robot.model), share, is_beaten, veto }
+            Rival { effect: candidate.effect_name(), place: candidate.places(&work.robot.model), beside, veto }
         };
-        let worth: Vec<Rival> = trials.iter().take_while(|t| t.0 >= LOOK_ALIKE_SHARE).take(MAX_SHAPES).map(rival).collect();
+        let worth: Vec<Rival> = trials.iter().take_while(|t| t.0.share >= LOOK_ALIKE_SHARE).take(MAX_SHAPES).map(rival).collect();
         let best = worth.iter().find(|r| r.veto.is_empty()).or(worth.first()).cloned();
         out.extend(best);
     }
@@ -269,7 +301,7 @@ fn rivals(work: &Work, without: &[usize]) -> Vec<Rival> {
 const MAX_SHAPES: usize = 4;
 
 /// Whether a candidate's law contains the pick's at the same joint: a friction peak rides on dry friction and is no rival of it.
-fn is_wider_law(work: &Work, candidate: usize, pick: usize) -> bool {
+pub(crate) fn is_wider_law(work: &Work, candidate: usize, pick: usize) -> bool {
     let (c, p) = (&work.candidates[candidate], &work.candidates[work.picks[pick].candidate]);
     let contained: &[&str] = match c.effect_name() {
         // Drag with the exponent 0 is dry friction, with 1 damping.
@@ -295,10 +327,40 @@ fn veto(work: &Work, s: &Stage, candidate: usize, v: &Variant) -> String {
 fn whole_body(work: &Work, without: &[usize]) -> Option<Rival> {
     let s = stage(work, without);
     let (ids, prior) = work.with_rigid(Vec::new(), PRIORS[PRIORS.len() - 1]);
-    let (share, is_beaten) = s.compare(&screen::gains(&work.gram, &s.cross, &s.base, &ids, &prior, &[]).all);
+    let everywhere: Vec<usize> = (0..work.design.n_joints).collect();
+    let mut beside = s.compare(&screen::gains(&work.gram, &s.cross, &s.base, &ids, &prior, &[]).all, &everywhere);
+    // As every rival with a prior.
+    beside.lead = 0.0;
     let model = &work.robot.model;
     let place = model.massive_links().into_iter().map(|l| model.links[l].name.clone()).collect();
-    Some(Rival { effect: "inertia_error", place, share, is_beaten, veto: String::new() })
+    Some(Rival { effect: "inertia_error", place, beside, veto: String::new() })
+}
+
+/// Wrong scales of all drives together that are not picked.
+fn all_scales(work: &Work, without: &[usize]) -> Option<Rival> {
+    let s = stage(work, without);
+    let is_picked = |c: usize| work.picks.iter().any(|p| p.candidate == c);
+    let scales = work.candidates.iter().enumerate().filter(|(c, x)| x.effect_name() == "torque_constant" && !is_picked(*c));
+    let (mut ids, mut prior, mut place, mut joints) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for (_, candidate) in scales {
+        let Some(v) = candidate.variants.iter().find(|v| v.softness.is_none_or(|w| w == work.softness)) else { continue };
+        let (own, own_prior) = own_columns(work, v, &s.columns);
+        ids.extend(own);
+        prior.extend(own_prior);
+        place.extend(candidate.places(&work.robot.model));
+        joints.extend(&candidate.scope);
+    }
+    if ids.is_empty() || s.taken <= 0.0 {
+        return None;
+    }
+    let mut beside = s.compare(&screen::gains(&work.gram, &s.cross, &s.base, &ids, &prior, &[]).all, &joints);
+    beside.share = beside.share.min(s.in_common(work, &ids, &prior, beside.share));
+    Some(Rival { effect: "torque_constant", place, beside, veto: String::new() })
+}
+
+/// Effects that are weight and inertia.
+fn is_mass(effect: &str) -> bool {
+    matches!(effect, "payload" | "inertia_error")
 }
 
 #[cfg(test)]

@@ -221,7 +221,7 @@ fn judge(work: &mut Work, fin: &Final, steps: &[Step], settings: &Settings) -> V
     let judge = |at: &[Step]| {
         let [before, Step { pick: Some(pick), heldout: after, .. }] = at else { return None };
         let pick = *pick;
-        let (mut same, mut look_alikes) = alternatives(work, pick);
+        let (mut same, mut look_alikes) = alternatives(work, pick, settings.floor);
         let is_said = |a: &EffectAt| same.iter().any(|s| s.effect == a.effect && s.place == a.place);
         let more: Vec<EffectAt> = fin.other.iter().filter(|(p, a)| *p == pick && !is_said(a)).map(|(_, a)| a.clone()).collect();
         same.extend(more);

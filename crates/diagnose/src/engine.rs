@@ -44,6 +44,16 @@ impl Watch for Share<'_> {
     }
 }
 
+/// Refuses a recording that is another one under another name.
+fn copies(all: &[(&Recording, Use)]) -> Result<(), InputError> {
+    for (i, (recording, _)) in all.iter().enumerate() {
+        if let Some((other, _)) = all[..i].iter().find(|(r, _)| r.time == recording.time && r.signals == recording.signals) {
+            return Err(InputError::Copy { recording: recording.name.clone(), other: other.name.clone() });
+        }
+    }
+    Ok(())
+}
+
 /// As [`diagnose`] for recordings that a stated controller made, the first of `recordings` fitted and the second held out: before anything
 /// else the controller is replayed on them, and a recorded command that is not the controller's is named.
 ///
@@ -80,6 +90,7 @@ pub fn diagnose_watched(
     if train.is_empty() {
         return Err(InputError::NoRecording);
     }
+    copies(&all)?;
     let seen: Vec<Integrity> = all.iter().map(|(r, _)| integrity(robot, r)).collect();
     let mut notes: Vec<String> = seen.iter().flat_map(|s| s.notes.clone()).collect();
     let reasons: Vec<String> = seen.iter().flat_map(|s| s.reasons.clone()).collect();

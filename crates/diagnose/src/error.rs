@@ -6,6 +6,14 @@ pub enum InputError {
     /// No recording at all.
     #[error("no recording given")]
     NoRecording,
+    /// A recording that is there already: what it would confirm is itself.
+    #[error("{recording}: the same samples as {other} (every recording must be one of its own)")]
+    Copy {
+        /// Recording as the user named it.
+        recording: String,
+        /// The one that it is a copy of.
+        other: String,
+    },
     /// A column the robot needs is not there.
     #[error("{recording}: no column {column:?} (required for every actuated joint of {robot:?}; columns: {found})")]
     MissingColumn {
@@ -42,7 +50,8 @@ pub enum InputError {
     },
     /// The loops do not close at recorded drive positions.
     #[error(
-        "{recording}: t = {time} s: constraint row {row} stays {gap:.3e} m or rad open (limit 1e-9): is this a recording of {robot:?}?"
+        "{recording}: t = {time} s: constraint row {row} stays {gap:.3e} m or rad open (limit 1e-9): {}",
+        pkm_ident::degrees::open_question(robot, *unit)
     )]
     Open {
         /// Recording as the user named it.
@@ -55,6 +64,8 @@ pub enum InputError {
         gap: f64,
         /// Robot name.
         robot: String,
+        /// The unit in which they would close.
+        unit: Option<&'static str>,
     },
     /// The drives do not determine the passive joints.
     #[error("robot {robot:?}: {mobility} degrees of freedom and {drives} drives (they must be equal)")]

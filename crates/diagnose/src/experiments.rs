@@ -111,7 +111,12 @@ fn chosen(options: Vec<(String, f64)>) -> Vec<(String, f64)> {
 fn experiment(effect: &str, alias: &EffectAt, text: String, cos_now: f64, cos_expected: f64) -> Experiment {
     let separates = cos_expected <= SEPARATED;
     let end = if separates { "" } else { ", which is still too close" };
-    let says = format!("{text}: expected cosine between {effect} and {} {cos_expected:.2} instead of {cos_now:.2}{end}.", alias.effect);
+    let pair = format!("cosine between {effect} and {}", alias.effect);
+    let says = if cos_now - cos_expected > CHANGE {
+        format!("{text}: expected {pair} {cos_expected:.2} instead of {cos_now:.2}{end}.")
+    } else {
+        format!("{text} ({pair} {cos_now:.2}); more samples make what is left smaller beside them.")
+    };
     Experiment {
         against: alias.effect.clone(),
         place: alias.place.clone(),

@@ -3,6 +3,7 @@
 use pkm_dyn::effects::{Law, PlaceKind, Site};
 use pkm_dyn::model::JointKind;
 
+use crate::alternatives::is_wider_law;
 use crate::rank::Step;
 use crate::verdict::{Compensation, EffectAt, Estimate};
 use crate::work::Work;
@@ -55,15 +56,43 @@ pub(crate) fn number(x: f64) -> String {
     }
 }
 
-fn values(parameters: &BTreeMap<String, Estimate>, order: &[&str]) -> Vec<String> {
+/// Friction or rotor inertia that the robot's file has already in a parameter of a pick; 0 where it has none.
+fn stated(work: &Work, pick: usize, parameter: &str) -> f64 {
+    let c = &work.candidates[work.picks[pick].candidate];
+    if c.site != Site::Joint {
+        return 0.0;
+    }
+    let joint = &work.robot.model.joints[c.place];
+    match (c.effect_name(), parameter) {
+        ("rotor_inertia", "inertia") => joint.armature,
+        (effect, _) if !effect.starts_with("friction_") => 0.0,
+        (_, name) if name.starts_with("coulomb") => joint.coulomb,
+        (_, name) if name.starts_with("viscous") => joint.viscous,
+        _ => 0.0,
+    }
+}
+
+/// Parameters with their sizes; what they are in the robot's file stands beside it.
+fn values(work: &Work, pick: usize, parameters: &BTreeMap<String, Estimate>, order: &[&str]) -> Vec<String> {
     order
         .iter()
         .filter_map(|name| parameters.get(*name).map(|e| (name, e)))
         .map(|(name, e)| {
             let unit = if e.unit == "1" { String::new() } else { format!(" {}", e.unit) };
-            format!("{name} = {}{unit}", number(e.value))
+            let stated = stated(work, pick, name);
+            let already = if stated > 0.0 { format!(" ({}{unit} in the robot's file)", number(stated)) } else { String::new() };
+            format!("{name} = {}{unit}{already}", number(e.value))
         })
         .collect()
+}
+
+/// Findings whose numbers are within those of a pick: where it is compensated, they are as well.
+fn held_within(work: &Work, pick: usize, parameters: &BTreeMap<String, Estimate>) -> Vec<&'static str> {
+    let own = work.picks[pick].candidate;
+    let others = (0..work.picks.len()).filter(|&other| other != pick && is_wider_law(work, own, other));
+    let names = others.map(|other| work.candidates[work.picks[other].candidate].effect_name());
+    let has = |start: &str| parameters.keys().any(|name| name.starts_with(start));
+    names.filter(|name| name.strip_prefix("friction_").is_some_and(has)).collect()
 }
 
 /// What was found, where, how large, and what it does for the fit, from the step before it to its own.
@@ -77,7 +106,7 @@ pub(crate) fn sentence(
     let c = &work.candidates[work.picks[pick].candidate];
     let entry = c.effect.entry();
     let order: Vec<&str> = entry.parameters.iter().map(|p| p.name).take(4).collect();
-    let sizes = values(parameters, &order).join(", ");
+    let sizes = values(work, pick, parameters, &order).join(", ");
     let place = match entry.place {
         PlaceKind::RootLink => format!("At the mounting ({})", c.name),
         _ if c.site == Site::Link => format!("On link {}", c.name),
@@ -91,13 +120,17 @@ pub(crate) fn sentence(
     };
     let mut out = format!("{place}, {sentence}: {sizes}.");
     let (b, a) = (100.0 * before.heldout, 100.0 * after.heldout);
-    out += &format!(" Adding it takes the held-out error from {b:.1} % to {a:.1} % of the effort");
+    out += &format!(" With it the held-out error goes from {b:.1} % to {a:.1} % of the effort");
     out += &if a > b && after.moving < before.moving {
         let (b, a) = (100.0 * before.moving, 100.0 * after.moving);
         format!(", and from {b:.2} % to {a:.2} % where joints move: how friction holds a joint that stands is in no law here.")
     } else {
         ".".to_string()
     };
+    let within = held_within(work, pick, parameters);
+    if !within.is_empty() {
+        out += &format!(" Its numbers hold those of {} there.", within.join(" and "));
+    }
     if !same.is_empty() {
         let mut names: Vec<String> = Vec::new();
         for s in same {
@@ -119,7 +152,14 @@ pub(crate) fn compensation(work: &Work, pick: usize, parameters: &BTreeMap<Strin
     // What a controller's model computes: rigid bodies, gravity, lengths, and efforts at joints.
     let in_refined_model = entry.law.is_in_the_model() || matches!(entry.law, Law::JointEffort(_));
     let order: Vec<&str> = entry.parameters.iter().map(|p| p.name).collect();
-    let says = format!("{}; {}", entry.compensation, values(parameters, &order).join(", "));
+    let mut says = format!("{}; {}", entry.compensation, values(work, pick, parameters, &order).join(", "));
+    if order.iter().any(|name| stated(work, pick, name) > 0.0) {
+        says += "; add only what the controller does not do already";
+    }
+    let within = held_within(work, pick, parameters);
+    if !within.is_empty() {
+        says += &format!("; instead of what is said of {} there", within.join(" and "));
+    }
     Compensation { in_refined_model, says }
 }
 
@@ -130,7 +170,7 @@ pub(crate) fn equation(work: &Work, pick: usize, parameters: &BTreeMap<String, E
     let entry = c.effect.entry();
     let order: Vec<&str> = entry.parameters.iter().map(|p| p.name).collect();
     let law = if is_of_the_effort_reading(work, pick) { "recorded effort = effort + rate·t" } else { entry.equation };
-    let mut out = format!("{law}; {}", values(parameters, &order).join(", "));
+    let mut out = format!("{law}; {}", values(work, pick, parameters, &order).join(", "));
     if p.variant.softness.is_some() && entry.name.starts_with("friction") && entry.name != "friction_viscous" {
         let width =
             crate::design::widths(work.robot, work.motions).iter().map(|segment| segment[work.softness][c.place]).fold(0.0, f64::max);

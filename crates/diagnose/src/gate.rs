@@ -1,9 +1,8 @@
 //! Recordings that can be read but not used: nothing moves, or nothing was measured.
 
 use pkm_dyn::effects::Robot;
-use pkm_dyn::model::JointKind;
-use pkm_dyn::{Data, loops};
 use pkm_ident::Recording;
+use pkm_ident::degrees::unit_that_closes_at_first;
 use pkm_ident::filter::LowPass;
 
 use crate::evidence::{Diagnosis, Evidence};
@@ -97,29 +96,10 @@ fn best_shift(y: &[f64], x: &[f64], step: f64) -> (f64, f64, f64) {
 
 /// The unit in which recorded positions would close the loops that they do not close as they are.
 pub(crate) fn other_unit(robot: &Robot, recordings: &[(&Recording, Use)]) -> Option<String> {
-    let model = &robot.model;
-    let closes = |factor: &dyn Fn(JointKind) -> f64, r: &Recording| {
-        let mut data = Data::new(model);
-        let first = |j: &usize| {
-            let joint = &model.joints[*j];
-            let q = r.signal(&format!("q.{}", joint.name)).and_then(|q| q.iter().find(|q| q.is_finite()));
-            q.map(|q| factor(joint.kind) * q)
-        };
-        let Some(q) = model.actuators.iter().map(first).collect::<Option<Vec<f64>>>() else { return false };
-        loops::assemble(model, &mut data).is_closed && loops::walk_to(model, &mut data, &q).is_closed
-    };
-    for (unit, kind, factor) in
-        [("degrees", JointKind::Revolute, core::f64::consts::PI / 180.0), ("millimetres", JointKind::Prismatic, 1e-3)]
-    {
-        if !model.actuators.iter().any(|&j| model.joints[j].kind == kind) {
-            continue;
-        }
-        let factor = |k: JointKind| if k == kind { factor } else { 1.0 };
-        if let Some((r, _)) = recordings.iter().find(|(r, _)| !closes(&|_| 1.0, r) && closes(&factor, r)) {
-            return Some(format!("{}: positions do not close the loops as they are, but would in {unit}", r.name));
-        }
-    }
-    None
+    recordings.iter().find_map(|(r, _)| {
+        let unit = unit_that_closes_at_first(&robot.model, r)?;
+        Some(format!("{}: positions do not close the loops as they are, but would in {unit}", r.name))
+    })
 }
 
 /// The verdict on recordings that cannot be used.

@@ -7,6 +7,7 @@ use pkm_dyn::loops::{self, drive_reduction};
 use pkm_dyn::model::FrameOnBody;
 use pkm_dyn::parameters::{InertialParameters, N_INERTIAL};
 use pkm_dyn::{Data, Model, math};
+use pkm_ident::degrees::unit_that_closes;
 
 use crate::channels::{self, Channel};
 use crate::error::InputError;
@@ -270,7 +271,9 @@ impl Pass {
         }
         let s = &self.out.segment;
         let time = s.start + s.dt * i as f64;
-        Err(InputError::Open { recording: s.name.clone(), time, row: closure.row, gap: closure.gap, robot })
+        let q: Vec<f64> = s.q.iter().map(|q| q[i]).collect();
+        let unit = unit_that_closes(&self.model, &q);
+        Err(InputError::Open { recording: s.name.clone(), time, row: closure.row, gap: closure.gap, robot, unit })
     }
 
     fn store(&mut self, i: usize, moments: &[(usize, nalgebra::SMatrix<f64, 10, 10>)]) {

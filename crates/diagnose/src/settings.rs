@@ -113,7 +113,8 @@ pub(crate) const SLOWEST: f64 = 10.0;
 /// How far a CAD value may be off, as candidate prior strengths: not at all, a tenth, a half. Cross-validation picks one.
 pub(crate) const PRIORS: [f64; 3] = [0.0, 0.1, 0.5];
 
-/// An explanation that takes away this share of what the finding takes away cannot be told from it.
+/// An explanation that takes away this share of what the finding takes away cannot be told from it, unless the finding takes away a share worth
+/// naming of what it leaves, and the blocks say so clearly.
 pub(crate) const ALIAS_SHARE: f64 = 0.9;
 
 /// An explanation of most of it cannot be told from it either, unless the blocks say so clearly.

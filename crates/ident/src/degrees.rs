@@ -1,16 +1,20 @@
-//! Positions recorded in degrees or millimetres: far beyond a joint's limits as they are, inside them in the other unit.
+//! Positions recorded in degrees or millimetres: far beyond a joint's limits as they are, inside them in the other unit; or loops that close only
+//! there.
 
 use core::f64::consts::PI;
 use core::fmt;
 
-use pkm_dyn::Model;
 use pkm_dyn::model::JointKind;
+use pkm_dyn::{Data, Model, loops};
 
 use crate::Recording;
 
 /// How far beyond its limits a joint must be recorded, and how far it may be in the other unit: shares of its travel.
 const FAR: f64 = 4.0;
 const NEAR: f64 = 0.5;
+
+/// The other units that positions come in.
+const WAYS: [(JointKind, f64, &str); 2] = [(JointKind::Revolute, PI / 180.0, "degrees"), (JointKind::Prismatic, 1e-3, "millimetres")];
 
 /// A column of positions that would make sense in another unit.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -47,7 +51,7 @@ pub fn other_positions(model: &Model, recording: &Recording) -> Vec<OtherPositio
         let [lower, upper] = [joint.limits.lower, joint.limits.upper];
         let known = recording.signal(&format!("q.{}", joint.name))?.iter().copied().filter(|x| x.is_finite());
         let (low, high) = known.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
-        let (factor, recorded_in) = if joint.kind == JointKind::Revolute { (PI / 180.0, "degrees") } else { (1e-3, "millimetres") };
+        let (_, factor, recorded_in) = WAYS.into_iter().find(|(kind, ..)| *kind == joint.kind)?;
         let travel = upper - lower;
         let is_known = lower.is_finite() && upper.is_finite() && travel > 0.0 && high > low;
         let is_far = high > upper + FAR * travel || low < lower - FAR * travel;
@@ -64,6 +68,36 @@ pub fn other_positions(model: &Model, recording: &Recording) -> Vec<OtherPositio
     model.actuators.iter().filter_map(told).collect()
 }
 
+/// The unit in which the loops of a robot would close at drive positions `q`, where they do not as they are; none where they do, or nowhere.
+#[must_use]
+pub fn unit_that_closes(model: &Model, q: &[f64]) -> Option<&'static str> {
+    let closes = |wanted: Option<(JointKind, f64)>| {
+        let mut data = Data::new(model);
+        let in_its_unit = |(q, &j): (&f64, &usize)| wanted.filter(|(kind, _)| *kind == model.joints[j].kind).map_or(*q, |(_, f)| f * q);
+        let q: Vec<f64> = q.iter().zip(&model.actuators).map(in_its_unit).collect();
+        loops::assemble(model, &mut data).is_closed && loops::walk_to(model, &mut data, &q).is_closed
+    };
+    if closes(None) {
+        return None;
+    }
+    let is_there = |kind: JointKind| model.actuators.iter().any(|&j| model.joints[j].kind == kind);
+    WAYS.into_iter().find(|&(kind, factor, _)| is_there(kind) && closes(Some((kind, factor)))).map(|(.., unit)| unit)
+}
+
+/// The same of the first positions of a recording; none where a column is missing.
+#[must_use]
+pub fn unit_that_closes_at_first(model: &Model, recording: &Recording) -> Option<&'static str> {
+    let first = |j: &usize| recording.signal(&format!("q.{}", model.joints[*j].name))?.iter().copied().find(|q| q.is_finite());
+    let q = model.actuators.iter().map(first).collect::<Option<Vec<f64>>>()?;
+    unit_that_closes(model, &q)
+}
+
+/// What to ask of a recording whose loops stay open.
+#[must_use]
+pub fn open_question(robot: &str, unit: Option<&str>) -> String {
+    unit.map_or_else(|| format!("is this a recording of {robot:?}?"), |unit| format!("are positions in {unit}? In {unit} they would close"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -78,6 +112,19 @@ mod tests {
             recording.signals.insert(format!("q.{joint}"), q);
         }
         other_positions(&model, &recording).iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn degrees_are_told_by_loops_that_close_in_no_other_unit() {
+        let found = pkm_robots::find("five_bar").unwrap();
+        let model = pkm_dyn::urdf::parse(found.toml, found.urdf, [found.toml_name, found.urdf_name]).unwrap().robot.model;
+        let pose: [f64; 2] = [0.3, -0.2];
+        assert_eq!(unit_that_closes(&model, &pose), None);
+        let unit = unit_that_closes(&model, &pose.map(f64::to_degrees));
+        assert_eq!(unit, Some("degrees"));
+        assert!(open_question("five_bar", unit).contains("in degrees") && open_question("five_bar", None).contains("\"five_bar\""));
+        // Thousands of radians are nothing.
+        assert_eq!(unit_that_closes(&model, &pose.map(|q| 1e4 * q)), None);
     }
 
     #[test]

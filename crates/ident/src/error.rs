@@ -42,7 +42,8 @@ pub enum InputError {
     },
     /// The loops do not close at recorded drive positions.
     #[error(
-        "{recording}: t = {time:.3} s: constraint row {row} stays {gap:.3e} m or rad open (limit 1e-9): is this a recording of {robot:?}?"
+        "{recording}: t = {time:.3} s: constraint row {row} stays {gap:.3e} m or rad open (limit 1e-9): {}",
+        crate::degrees::open_question(robot, *unit)
     )]
     Open {
         /// Recording as the user named it.
@@ -55,6 +56,8 @@ pub enum InputError {
         gap: f64,
         /// Robot name.
         robot: String,
+        /// The unit in which they would close.
+        unit: Option<&'static str>,
     },
     /// The drives do not determine the passive joints at recorded drive positions.
     #[error("{recording}: t = {time:.3} s: singular pose: the drives determine {rank} of {passive} passive joints of {robot:?}")]

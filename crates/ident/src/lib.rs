@@ -25,6 +25,7 @@ pub mod grid;
 pub mod grouping;
 pub mod identify;
 pub mod minimise;
+pub mod mixed;
 pub mod motion;
 pub mod note;
 pub mod observation;

@@ -3,6 +3,7 @@
 use core::fmt;
 
 use crate::degrees::OtherPositions;
+use crate::mixed::Mixed;
 use crate::seconds::OtherTime;
 use crate::thousands::OtherUnits;
 
@@ -35,6 +36,8 @@ pub enum Note {
     NoMotion,
     /// Efforts in kN or mN·m: parameters from them would be a thousand times too small or too large.
     OtherUnits(OtherUnits),
+    /// Efforts with their sign turned or in each other's columns.
+    Mixed(Mixed),
     /// Positions in degrees or millimetres.
     OtherPositions(OtherPositions),
     /// Time in milliseconds.
@@ -212,6 +215,7 @@ impl Note {
         match self {
             Self::NoMotion
             | Self::OtherUnits(_)
+            | Self::Mixed(_)
             | Self::OtherPositions(_)
             | Self::OtherTime(_)
             | Self::FewRows { .. }
@@ -239,6 +243,7 @@ impl fmt::Display for Note {
             }
             Self::NoMotion => write!(f, "no drive moves: nothing can be identified"),
             Self::OtherUnits(found) => write!(f, "{found}"),
+            Self::Mixed(found) => write!(f, "{found}"),
             Self::OtherPositions(found) => write!(f, "{found}"),
             Self::OtherTime(found) => write!(f, "{found}"),
             Self::FewRows { rows, parameters, limit } => {
@@ -275,7 +280,11 @@ impl fmt::Display for Note {
                  noise (limit {limit} times): some physics is missing, see `pkm diagnose`"
             ),
             Self::NominalNotABody { link, added } => {
-                write!(f, "link {link}: no body has its nominal inertia; {:.1} cm of extent were added to start from", 100.0 * added.sqrt())
+                write!(
+                    f,
+                    "link {link}: its nominal inertia is that of something flat or thin, or of no body; {:.1} cm of extent were added to start from",
+                    100.0 * added.sqrt()
+                )
             }
             Self::Solver { outcome, iterations } => write!(f, "the convex program ended {outcome} after {iterations} iterations"),
             Self::NotSettled { iterations } => write!(f, "the iteration did not settle in {iterations} passes"),

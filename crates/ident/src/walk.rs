@@ -8,6 +8,7 @@ use pkm_dyn::parameters::InertialParameters;
 use pkm_dyn::{Data, Model, loops, math};
 
 use crate::columns::Columns;
+use crate::degrees::unit_that_closes;
 use crate::electronics::{Electronics, acting, without};
 use crate::error::InputError;
 use crate::filter::LowPass;
@@ -209,7 +210,9 @@ impl<'o> Walk<'o> {
             let passive = self.data.dependent.len();
             return Err(InputError::Singular { recording, time, rank: closure.rank, passive, robot });
         }
-        Err(InputError::Open { recording, time, row: closure.row, gap: closure.gap, robot })
+        let q: Vec<f64> = self.motion.q.iter().map(|q| q[i]).collect();
+        let unit = unit_that_closes(&self.model, &q);
+        Err(InputError::Open { recording, time, row: closure.row, gap: closure.gap, robot, unit })
     }
 
     /// Raw sample `i` into the window: of surplus drives what moves the robot, and of that what no standing drive has a part in.

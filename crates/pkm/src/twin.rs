@@ -3,9 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context, anyhow};
+use anyhow::{Context, anyhow, bail};
+use pkm_dyn::Model;
 use pkm_dyn::effects::Robot;
 use pkm_ident::Recording;
+use pkm_ident::degrees::{other_positions, unit_that_closes_at_first};
 use pkm_report::{Curve, Figure, Ink, Scale, Sheet, Table, Tone, sheet};
 use pkm_sim::Setup;
 use pkm_sim::twin::{Apart, Follow, Twin, TwinJoint, twin_along};
@@ -84,6 +86,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut outputs = Outputs::reserve(&targets, &inputs)?;
     let recording = read_recordings(core::slice::from_ref(&args.recording), args.topic.as_deref())?;
     let recording = recording.first().ok_or_else(|| anyhow!("no recording"))?;
+    in_its_units(&nominal.model, recording)?;
     let truth = Robot::new(description.bare.clone(), nominal.effects.iter().cloned().chain(added.effects).collect());
     let name = args.recording.display().to_string();
     let follow = match args.follow {
@@ -99,6 +102,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let text = if args.json { serde_json::to_string_pretty(&as_json(&nominal.model.name, &name, &found))? } else { as_text(&name, &found) };
     out::say(&out::clean(&text))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Refuses positions that are in another unit than the robot's: a simulation would follow them wherever they lead.
+fn in_its_units(model: &Model, recording: &Recording) -> anyhow::Result<()> {
+    if let Some(found) = other_positions(model, recording).first() {
+        bail!("{found}");
+    }
+    unit_that_closes_at_first(model, recording)
+        .map_or(Ok(()), |unit| Err(anyhow!("{}: positions do not close the loops as they are, but would in {unit}", recording.name)))
 }
 
 fn as_json(robot: &str, recording: &str, found: &Twin) -> Value {

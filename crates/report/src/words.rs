@@ -92,7 +92,7 @@ pub(crate) fn plan_answer(plan: &Plan) -> String {
         .min_by(|a, b| a.value.total_cmp(&b.value))
         .map_or(String::new(), |d| format!(" The smallest load that shows: {}.", d.says));
     format!(
-        "Of {} effects and places that are looked for, friction, offsets and inertias of the model leave {visible} to be seen along this motion.{smallest}",
+        "Of {} effects and places that are looked for, {visible} would be more along this motion than other friction, offsets and inertias; the others would look like those.{smallest}",
         plan.isolability.effects.len()
     )
 }

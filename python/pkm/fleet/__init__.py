@@ -4,7 +4,7 @@
     rows = fleet.diagnose(work, "s3://bucket/verdicts.parquet")  # this machine's processes; scheduler="tcp://..." for a cluster
     fleet.compare(rows, "robot7", since="2026-03-01")            # what changed on robot 7 since March?
 
-Needs `pip install pkm[fleet]`. The same from a shell: `python -m pkm.fleet --help`.
+Needs `pip install './python[fleet]'`, at the root of a clone of the project. The same from a shell: `python -m pkm.fleet --help`.
 """
 
 from ._compare import compare, history, weeks

@@ -91,12 +91,9 @@ def _work(given: argparse.Namespace) -> int:
             raise ValueError("not an object")
     except ValueError as error:
         raise ValueError(f"--settings: {error}") from None
-    tasks = fleet.find(given.root)
-    if not tasks:
-        raise ValueError(f"{given.root}: no recordings")
     rows, keys = run(
         given.verb,
-        tasks,
+        fleet.find(given.root),
         given.table,
         settings=settings,
         scheduler=given.scheduler,

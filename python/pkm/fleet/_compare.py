@@ -79,17 +79,19 @@ def compare(
     _known(full, unit)
     table = _measured(full, kind)
     ours = table[table["unit"] == unit]
+    names, words = [unit, unit], [" before", " after"]
     if against is not None:
         _known(full, against)
+        names, words = [against, unit], ["", ""]
         sides = [table[table["unit"] == against], ours]
     elif since is not None:
         day = _day(since)
         sides = [ours[(ours["taken"] != "") & (ours["taken"] < day)], ours[ours["taken"] >= day]]
     else:
         sides = [_within(ours, span) for span in (before, after) if span is not None]
-    for words, side in zip(("before", "after"), sides, strict=True):
+    for name, when, side in zip(names, words, sides, strict=True):
         if side.empty:
-            raise ValueError(f"unit {unit!r}: no usable rows {words} (days it has: {', '.join(sorted(set(ours['taken']))) or 'none'})")
+            raise ValueError(f"unit {name!r}: no usable rows{when} ({_worth(full, name, kind)})")
     return _changes(sides[0], sides[1], level)
 
 
@@ -102,7 +104,7 @@ def weeks(rows: pandas.DataFrame | str, unit: str, *, kind: str | None = None, l
     dated["week"] = [_week(day) for day in dated["taken"]]
     names = sorted(set(dated["week"]))
     if len(names) < 2:
-        raise ValueError(f"unit {unit!r}: rows of {len(names)} weeks (two are needed)")
+        raise ValueError(f"unit {unit!r}: usable rows of {len(names)} weeks (two are needed; {_worth(full, unit, kind)})")
     parts = []
     for earlier, later in zip(names, names[1:], strict=False):
         part = _changes(dated[dated["week"] == earlier], dated[dated["week"] == later], level)
@@ -125,6 +127,17 @@ def _measured(rows: pandas.DataFrame, kind: str | None) -> pandas.DataFrame:
         # Both kinds judge the model as given on the same recordings.
         table["quantity"] = [f"{q} ({k})" if q == ERROR else q for q, k in zip(table["quantity"], table["kind"], strict=True)]
     return table
+
+
+def _worth(table: pandas.DataFrame, unit: str, kind: str | None) -> str:
+    """Days of a unit's rows by what they are worth: usable, or the status or the kind for which they are not."""
+    days: dict[str, set[str]] = {}
+    for row in table[table["unit"] == unit].to_dict("records"):
+        is_other = kind not in (None, row["kind"])
+        what = f"kind {row['kind']!r}" if is_other else row["status"] if row["status"] in MUTE else "usable"
+        days.setdefault(what, set()).add(row["taken"] or "undated")
+    ordered = sorted(days.items(), key=lambda item: (item[0] != "usable", item[0]))
+    return "; ".join(f"{what}: {', '.join(sorted(of))}" for what, of in ordered)
 
 
 def _known(table: pandas.DataFrame, unit: str) -> None:

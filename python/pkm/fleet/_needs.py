@@ -11,7 +11,9 @@ def need(name: str) -> Any:
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        raise ImportError(f"pkm.fleet needs the package {name.split('.')[0]}: pip install pkm[fleet]") from error
+        # From the sources: the name pkm on PyPI is another project's.
+        words = f"pkm.fleet needs the package {name.split('.')[0]}: pip install './python[fleet]' at the root of a clone of the project"
+        raise ImportError(words) from error
 
 
 @contextlib.contextmanager

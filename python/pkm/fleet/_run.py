@@ -45,7 +45,7 @@ def diagnose(tasks: Sequence[Task], table: str, **keywords: Any) -> pandas.DataF
 
     A row that the table has, of the same unit, bytes, settings and build of pkm, is not made again, wherever the files lie now. Bad input is
     a row with `status` "error" and the reason in `error`; what was given up is "lost", and is tried again next time. A run that is killed
-    loses the rows of its last 15 s at most. One run at a time may write a table.
+    loses the rows of its last 15 s at most. One run at a time may write a table; its folder is made where there is none.
     """
     return run("diagnose", tasks, table, **keywords)[0]
 

@@ -77,18 +77,24 @@ def find(root: str, *, holdout: str = "holdout") -> list[Task]:
     """The tasks below a folder: every folder that holds recordings is one, with the robot.toml in it or in the nearest folder above.
 
     The unit is the folder of the robot.toml; the day is the first date (`2026-03-02`) in the path below it, or else the recordings' session.
-    Files whose name begins with `holdout` are only judged on. A folder of recordings without a robot is an error.
+    Files whose name begins with `holdout` are only judged on. A folder of recordings without a robot is an error, and so is a folder that
+    is not there or has no recording below it.
     """
     fs, path = need("fsspec").core.url_to_fs(root)
     with reaching(root):
         # Recordings come from elsewhere, and what was listed once would be remembered.
         fs.invalidate_cache()
         names = sorted(name for name in fs.find(path) if not posixpath.basename(name).startswith("."))
+        # Stores list nothing where nothing is; those of objects have no folder but by what lies in it.
+        if not names and not fs.exists(path):
+            raise FileNotFoundError(f"{root}: no such folder")
     robots = {posixpath.dirname(name) for name in names if posixpath.basename(name) == "robot.toml"}
     by_folder: dict[str, list[str]] = {}
     for name in names:
         if name.lower().endswith(SUFFIXES):
             by_folder.setdefault(posixpath.dirname(name), []).append(name)
+    if not by_folder:
+        raise ValueError(f"{root}: no recordings there or below ({', '.join(SUFFIXES)})")
     tasks = []
     for folder, files in by_folder.items():
         home = next((f for f in _upwards(folder, path) if f in robots), None)

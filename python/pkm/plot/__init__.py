@@ -1,4 +1,7 @@
-"""Pictures of a report, with matplotlib (`pip install pkm[plot]`). Every function draws into `ax`, or a new figure, and returns it."""
+"""Pictures of reports, robots, control and trials, with matplotlib (`pip install './python[plot]'`, at the root of a clone of the project).
+
+Every function draws into `ax`, or a new figure, and returns the axes; `bode` alone draws into two, takes them as `axes` and returns both.
+"""
 
 from ._loop import bode, mu, tracking
 from ._report import chain, dependence, finding, isolability, joint, regimes, residual

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from .._pkm import Recording, Robot
     from ..answers import Workspace
 
+# Of a link, and their units; every other axis of a workspace is a drive.
+COORDINATES = {"x": "m", "y": "m", "z": "m", "rx": "rad", "ry": "rad", "rz": "rad"}
+
 
 def friction(
     robots: Robot | Mapping[str, Robot],
@@ -64,12 +67,13 @@ def workspace(
     axes: Mapping[str, ArrayLike],
     *,
     which: Literal["parallel", "serial", "condition"] = "parallel",
+    robot: Robot | None = None,
     ax: Axes | None = None,
 ) -> Axes:
     """Singular values, or their ratio, over the reachable part of a workspace of two axes, as `robot.workspace(axes)` returned it.
 
     `parallel` is the smallest singular value of dq/dx, 0 where the platform gives way, `serial` that of dx/dq, 0 where it cannot move.
-    Poses out of reach stay empty.
+    Poses out of reach stay empty. Axes that are drives have the unit that they have in the `robot`, "m or rad" without it.
     """
     if which not in ("parallel", "serial", "condition"):
         raise ValueError(f"which = {which!r} (must be parallel, serial or condition)")
@@ -77,6 +81,7 @@ def workspace(
     x, y = (numpy.asarray(values, dtype=float) for values in axes.values()) if len(names) == 2 else (numpy.zeros(0), numpy.zeros(0))
     if len(names) != 2 or found["reachable"].shape != (len(x), len(y)):
         raise ValueError(f"the workspace has shape {found['reachable'].shape}, axes {[len(numpy.asarray(v)) for v in axes.values()]} (must be two, alike)")
+    units = [_unit(name, robot) for name in names]
     # What cannot be reached has no singular value that means anything.
     values = numpy.where(found["reachable"], found[which], numpy.nan)
     if numpy.isnan(values).all():
@@ -97,10 +102,20 @@ def workspace(
         ax.set_aspect("equal")
     ax.plot([found["home"][names[0]]], [found["home"][names[1]]], "+", color="#ffffff", ms=11, mew=3)
     ax.plot([found["home"][names[0]]], [found["home"][names[1]]], "+", color=BEFORE, ms=9, mew=1.4, label="home")
-    x_words, y_words = (f"{n} [{'m' if n in ('x', 'y', 'z') else 'rad' if n in ('rx', 'ry', 'rz') else 'm or rad'}]" for n in names)
-    ax.set_xlabel(x_words)
-    ax.set_ylabel(y_words)
+    ax.set_xlabel(f"{names[0]} [{units[0]}]")
+    ax.set_ylabel(f"{names[1]} [{units[1]}]")
     return finished(ax)
+
+
+def _unit(axis: str, robot: Robot | None) -> str:
+    """Of an axis of a workspace: a coordinate of the link, or else a drive."""
+    if axis in COORDINATES:
+        return COORDINATES[axis]
+    if robot is None:
+        return "m or rad"
+    if axis not in robot.actuators:
+        raise ValueError(f"no drive {axis!r} in the robot (has: {', '.join(robot.actuators)})")
+    return robot.unit(f"q.{axis}") or "m or rad"
 
 
 def _left_by_bodies(robot: Robot, recording: Recording, joint: str) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:

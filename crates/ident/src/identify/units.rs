@@ -1,7 +1,10 @@
-//! The efforts of every recording beside those of the robot as its files have it: a unit that is a thousand times another one shows.
+//! The efforts of every recording beside those of the robot as its files have it: a unit that is a thousand times another one shows, and so does
+//! a turned sign.
 
 use crate::columns::{Columns, Quantity};
 use crate::error::InputError;
+use crate::mixed::{Pair, mixed};
+use crate::motion::Motion;
 use crate::note::Note;
 use crate::observation::{Observation, Rows};
 use crate::thousands::{Seen, other_units, seen};
@@ -20,9 +23,13 @@ struct Series {
 /// Loops that do not close along a recording.
 pub(super) fn notes(observation: &Observation<'_>) -> Result<Vec<Note>, InputError> {
     let model = &observation.robot().model;
-    let all = seen_of(observation)?;
-    let told = observation.motions().iter().zip(&all).flat_map(|(motion, drives)| other_units(model, &motion.name, drives));
-    Ok(told.map(Note::OtherUnits).collect())
+    let all = series_of(observation)?;
+    let notes = |(motion, drives): (&Motion, &Vec<Series>)| {
+        let pairs: Vec<_> = drives.iter().map(|s| Pair { effort: &s.effort, model: &s.nominal }).collect();
+        let units = other_units(model, &motion.name, &seen_each(drives)).into_iter().map(Note::OtherUnits);
+        units.chain(mixed(model, &motion.name, &pairs).into_iter().map(Note::Mixed)).collect::<Vec<_>>()
+    };
+    Ok(observation.motions().iter().zip(&all).flat_map(notes).collect())
 }
 
 /// The efforts of every recording beside the model's, drive by drive.
@@ -30,6 +37,15 @@ pub(super) fn notes(observation: &Observation<'_>) -> Result<Vec<Note>, InputErr
 /// # Errors
 /// Loops that do not close along a recording.
 pub(crate) fn seen_of(observation: &Observation<'_>) -> Result<Vec<Vec<Option<Seen>>>, InputError> {
+    Ok(series_of(observation)?.iter().map(|drives| seen_each(drives)).collect())
+}
+
+fn seen_each(drives: &[Series]) -> Vec<Option<Seen>> {
+    drives.iter().map(|s| seen(&s.effort, &s.nominal, &s.own)).collect()
+}
+
+/// Rows of every recording, [recording][drive].
+fn series_of(observation: &Observation<'_>) -> Result<Vec<Vec<Series>>, InputError> {
     let (model, columns) = (&observation.robot().model, observation.columns());
     let nominal = columns.nominal();
     let own: Vec<[Option<usize>; 4]> = model.actuators.iter().map(|&joint| own_columns(columns, joint)).collect();
@@ -50,7 +66,7 @@ pub(crate) fn seen_of(observation: &Observation<'_>) -> Result<Vec<Vec<Option<Se
         };
         observation.each(rows, &mut visit, &mut |_| {})?;
     }
-    Ok(all.iter().map(|drives| drives.iter().map(|s| seen(&s.effort, &s.nominal, &s.own)).collect()).collect())
+    Ok(all)
 }
 
 /// Columns of a drive itself: offset, viscous and dry friction, rotor.

@@ -3,6 +3,7 @@
 //! A URDF is a tree; robot.toml beside it closes the loops, says what is driven and measured, and adds physics beyond rigid bodies.
 //! Everything read here is hostile until checked: sizes first, then syntax, then names, then every number.
 
+mod blame;
 pub mod export;
 mod read;
 mod spec;

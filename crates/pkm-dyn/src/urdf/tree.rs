@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use urdf_rs::JointType;
 
+use super::blame::blame;
 use crate::model::{BuildError, Compound, Freedom, JointKind, Limits, Model, ModelBuilder};
 use crate::parameters::InertialParameters;
 use crate::spatial::Pose;
@@ -29,7 +30,8 @@ pub(super) enum TreeError {
 /// Parses and checks the tree; returns the parsed URDF as well, for writing a changed one later.
 pub(super) fn tree(text: &str, name: &str, gravity: [f64; 3]) -> Result<(urdf_rs::Robot, Model), TreeError> {
     guard(text)?;
-    let urdf = urdf_rs::read_from_string(text).map_err(|e| TreeError::Text(one_line(&e.to_string())))?;
+    let refused = |e: urdf_rs::UrdfError| TreeError::Text(blame(text).unwrap_or_else(|| one_line(&e.to_string())));
+    let urdf = urdf_rs::read_from_string(text).map_err(refused)?;
     for (what, count) in [("links", urdf.links.len()), ("joints", urdf.joints.len())] {
         if count > MAX_LINKS {
             return Err(TreeError::Text(format!("{count} {what} (limit {MAX_LINKS})")));
@@ -87,7 +89,7 @@ fn guard(text: &str) -> Result<(), TreeError> {
 }
 
 /// Name of the element whose opening or closing markup this is; its first letters where it has no end.
-fn element(markup: &str) -> &str {
+pub(super) fn element(markup: &str) -> &str {
     let name = markup[1..].trim_start_matches('/');
     let end = name.find(|c: char| c.is_whitespace() || matches!(c, '>' | '/')).unwrap_or(name.len());
     let end = (0..=end.min(MAX_NAME)).rev().find(|&i| name.is_char_boundary(i)).unwrap_or(0);
@@ -95,7 +97,7 @@ fn element(markup: &str) -> &str {
 }
 
 /// What a piece of markup does to the depth of nesting.
-enum Change {
+pub(super) enum Change {
     Opens,
     Closes,
     Stays,
@@ -103,7 +105,7 @@ enum Change {
 
 /// Length of the markup that `text` starts with, and what it does to the depth; `None` for declarations, whose entities could hide
 /// any depth. Markup without an end reaches to the end of the text: the parser will say so.
-fn markup(text: &str) -> Option<(usize, Change)> {
+pub(super) fn markup(text: &str) -> Option<(usize, Change)> {
     let until = |end: &str| text.find(end).map_or(text.len(), |i| i + end.len());
     for (open, close) in [("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>")] {
         if text.starts_with(open) {

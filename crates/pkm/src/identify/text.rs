@@ -43,7 +43,7 @@ pub(super) fn text(answer: &Identification, beside: &Beside) -> String {
         let mut rows = vec![["nominal", "identified", "95 % interval", "rel. sd", "unit", "parameter"].map(str::to_string).to_vec()];
         rows.extend(answer.parameters.iter().map(|p| {
             let interval = format!("{} .. {}", number(p.ci95[0]), number(p.ci95[1]));
-            vec![number(p.nominal), number(p.value), interval, percent(p.relative_sd.min(99.0)), p.unit.to_string(), p.name.clone()]
+            vec![number(p.nominal), number(p.value), interval, relative(p.relative_sd), p.unit.to_string(), p.name.clone()]
         }));
         out.push(table(&rows));
         out.push(format!("  intervals {}", answer.intervals.says()));
@@ -147,6 +147,11 @@ fn payload(beside: &Beside, out: &mut Vec<String>) {
 
 fn percent(x: f64) -> String {
     format!("{:.1} %", 100.0 * x)
+}
+
+/// A standard deviation over its value; of what the motion does not show no number says more than that it is large.
+fn relative(x: f64) -> String {
+    if x > 99.0 { "> 9900 %".to_string() } else { percent(x) }
 }
 
 /// The answer as JSON.

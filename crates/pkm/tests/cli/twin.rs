@@ -40,6 +40,15 @@ fn what_cannot_be_replayed_is_refused() {
     refused(folder.path(), &["twin", "rig.toml", "--recording", "bare.csv"], &["bare.csv", "q_ref.j1"]);
     refused(folder.path(), &["twin", "rig.toml", "--recording", "none.csv"], &["none.csv"]);
     refused(folder.path(), &["twin", "rig.toml", "--recording", "bare.csv", "--with", "payload"], &["--with", "payload"]);
+    // In millimetres and in degrees a simulation would run along, far from any pose of the robot.
+    let moved = |t: f64, at: f64| [t, at, at + 5.0 * t].map(|x| x.to_string()).join(",");
+    let rows = |from: f64| (0..4).map(|i| moved(0.01 * f64::from(i), from + 9.0 * f64::from(i))).collect::<Vec<_>>().join("\n");
+    let degrees = format!("t,q.shoulder_left,q.shoulder_right\n{}\n", rows(-12.0));
+    fs::write(folder.path().join("degrees.csv"), degrees).unwrap();
+    refused(folder.path(), &["twin", "five_bar", "--recording", "degrees.csv", "--follow", "measured"], &["degrees.csv", "degrees"]);
+    let third = rows(140.0).lines().map(|l| format!("{l},{}", l.rsplit(',').next().unwrap())).collect::<Vec<_>>().join("\n");
+    fs::write(folder.path().join("mm.csv"), format!("t,q.q1,q.q6,q.q8\n{third}\n")).unwrap();
+    refused(folder.path(), &["twin", "prs3", "--recording", "mm.csv", "--follow", "measured"], &["mm.csv", "millimetres"]);
 }
 
 /// Simulates two motions of the heavier rig under a controller, diagnoses them, and returns what the verdict says of each drive's replay.

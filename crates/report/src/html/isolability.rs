@@ -29,7 +29,7 @@ pub(super) fn section(iso: &Isolability) -> String {
     let mut out = format!(
         concat!(
             r#"<p class="soft">Cosine of the angle between what two effects leave in the efforts once friction, offsets and {} have taken their "#,
-            r#"share: 1 is one and the same, 0 is perfectly separate. From {} on, these motions cannot tell two effects apart. Of an effect "#,
+            r#"share: 1 is one and the same, 0 is perfectly separate. Beyond {} these motions hardly show one without the other. Of an effect "#,
             r#"that may take several shapes, the nearest counts. Under <b>κ</b>: the share of each effect that the parameters of the model "#,
             r#"cannot imitate; below {} it is hidden by them.</p>"#
         ),

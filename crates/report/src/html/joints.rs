@@ -67,7 +67,7 @@ fn heading(s: &JointSeries) -> String {
     };
     format!(
         concat!(
-            r#"<div class="jhead"><h3>{} <span class="soft">in <code>{}</code></span></h3><p>held-out rms error "#,
+            r#"<div class="jhead"><h3>{} <span class="soft">in <code>{}</code></span></h3><p>rms error of all that is held out "#,
             r#"<b class="c-before">{}</b> → <b class="c-after">{}</b> {}{}</p></div>"#
         ),
         esc(&s.joint),

@@ -32,7 +32,7 @@ pub fn workspace_terminal(scan: &Scan, model: &Model, cones: &[Cone], style: Sty
     if !fixed.is_empty() {
         ink.wrapped("  fixed  ", &fixed.join(", "));
     }
-    ink.heading("Reachable");
+    ink.heading("Reachable, of the poses that were scanned");
     let row = |cells: [&str; 5]| {
         format!("  {}{}{}{}  {}", left(cells[0], 14), right(cells[1], 12), right(cells[2], 12), right(cells[3], 12), cells[4])
     };
