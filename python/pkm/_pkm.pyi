@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final, Literal, final
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, final
 
 import numpy
 from numpy.typing import ArrayLike, NDArray
@@ -56,6 +56,8 @@ __all__ = [
 
 __build__: Final[str]
 __version__: Final[str]
+
+_Term: TypeAlias = Literal["rotor", "friction", "passive-friction", "offset", "stiffness"]
 
 @final
 class Robot:
@@ -336,7 +338,7 @@ class Identification:
         *,
         method: Literal["sdp", "wls", "relevant", "ols", "huber", "bisquare", "tls", "ridge", "iv"] = "sdp",
         band_hz: float | None = None,
-        hold: Sequence[Literal["rotor", "friction", "passive-friction", "offset", "stiffness"]] = ...,
+        hold: _Term | Sequence[_Term] | None = None,
         shapes: bool = False,
         gains: bool = False,
         payload: str | None = None,
@@ -510,7 +512,7 @@ def excite(
     acceleration: float | None = None,
     cone_deg: float | None = None,
     singularity: float = 0.1,
-    hold: Sequence[Literal["rotor", "friction", "passive-friction", "offset", "stiffness"]] = ...,
+    hold: _Term | Sequence[_Term] | None = None,
     restarts: int = 4,
     draws: int = 25,
     iterations: int = 150,
@@ -651,7 +653,7 @@ def diagnose(
     band_hz: float | None = None,
     floor: float | None = None,
     seed: int | None = None,
-    without: Sequence[str] | None = None,
+    without: str | Sequence[str] | None = None,
     scratch: str | os.PathLike[str] | None = ...,
     progress: Progress = None,
 ) -> Report:

@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::dynamics::Robot;
 use crate::long::{self, Progress};
+use crate::names::Names;
 use crate::recording::Recording;
 use crate::{error, state};
 
@@ -186,14 +187,14 @@ fn settings(
     band_hz: Option<f64>,
     floor: Option<f64>,
     seed: Option<u64>,
-    without: Option<Vec<String>>,
+    without: Option<Names>,
     scratch: Option<PathBuf>,
 ) -> PyResult<Settings> {
     let given = scratch.iter().find(|folder| **folder != temp_dir());
     if let Some(folder) = given.filter(|folder| !folder.is_dir()) {
         return Err(error::value(format!("scratch = {} (must be a folder that is there, or None)", folder.display())));
     }
-    let mut settings = Settings { band_hz, scratch, without: without.unwrap_or_default(), ..Settings::default() };
+    let mut settings = Settings { band_hz, scratch, without: Names::all(without), ..Settings::default() };
     if let Some(floor) = floor {
         if !(0.0..1.0).contains(&floor) {
             return Err(error::value(format!("floor = {floor} (must be >= 0 and < 1)")));
@@ -224,7 +225,7 @@ pub(crate) fn diagnose(
     band_hz: Option<f64>,
     floor: Option<f64>,
     seed: Option<u64>,
-    without: Option<Vec<String>>,
+    without: Option<Names>,
     scratch: Option<PathBuf>,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Report> {

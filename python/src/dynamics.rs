@@ -506,11 +506,15 @@ impl Robot {
         q: ArrayLike<'py>,
         v: ArrayLike<'py>,
         a: ArrayLike<'py>,
-        out: Option<Bound<'py, PyArray3<f64>>>,
+        out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (driven, model) = (self.driven([&q, &v, &a])?, self.model());
         let shape = [driven.len(), self.independent().len(), 10 * model.nv()];
-        let out = out.unwrap_or_else(|| PyArray3::zeros(py, shape, false));
+        let array = |out: Bound<'py, PyAny>| {
+            let wrong = |_| error::value(format!("out must be an array of numpy, float64, of shape {shape:?}"));
+            out.cast_into::<PyArray3<f64>>().map_err(wrong)
+        };
+        let out = out.map_or_else(|| Ok(PyArray3::zeros(py, shape, false)), array)?;
         if out.shape() != shape || !out.is_c_contiguous() {
             return Err(error::value(format!("out has shape {:?}, must be {shape:?} and C-contiguous", out.shape())));
         }
@@ -678,6 +682,9 @@ impl Robot {
 /// `OSError` for files that cannot be read, `ValueError` for what is in them; one line that names file, place, value and limit.
 #[pyfunction]
 pub(crate) fn load(py: Python<'_>, path: PathBuf) -> PyResult<Robot> {
-    let description = py.detach(|| urdf::load(&path)).map_err(|e| error::load(&e))?;
+    let description = py.detach(|| urdf::load(&path)).map_err(|e| {
+        let shipped = path.to_str().filter(|name| pkm_robots::find(name).is_some());
+        shipped.map_or_else(|| error::load(&e), |name| error::missing(format!("{e}; the shipped robot is pkm.robots.load({name:?})")))
+    })?;
     Ok(Robot::new(description))
 }

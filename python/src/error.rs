@@ -22,6 +22,11 @@ pub(crate) fn value(message: impl Into<String>) -> PyErr {
     PyValueError::new_err(message.into())
 }
 
+/// A file that is not there, in one line.
+pub(crate) fn missing(message: String) -> PyErr {
+    PyFileNotFoundError::new_err(message)
+}
+
 /// A robot that cannot be read.
 pub(crate) fn load(error: &LoadError) -> PyErr {
     match error {

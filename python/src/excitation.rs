@@ -18,6 +18,7 @@ use crate::array::{ArrayLike, matrix, read_only, vector};
 use crate::dynamics::Robot;
 use crate::identification::term;
 use crate::long::{self, Progress};
+use crate::names::Names;
 use crate::recording::Recording;
 use crate::{error, state};
 
@@ -288,7 +289,7 @@ type Effect = (String, String, BTreeMap<String, f64>);
 /// terms that are not to be shown; `restarts`, `draws`, `iterations`: size of the search; `seed`. The same arguments give the same motion.
 #[pyfunction]
 #[pyo3(signature = (robot, *, criterion = "condition", separate = Vec::new(), basis = "fourier", harmonics = 5, pieces = 12, period_s = 10.0,
-    share = 0.95, speed = None, acceleration = None, cone_deg = None, singularity = 0.1, hold = Vec::new(), restarts = 4, draws = 25,
+    share = 0.95, speed = None, acceleration = None, cone_deg = None, singularity = 0.1, hold = None, restarts = 4, draws = 25,
     iterations = 150, seed = 1, progress = None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python: the flags of `pkm excite` by name")]
 pub(crate) fn excite(
@@ -305,7 +306,7 @@ pub(crate) fn excite(
     acceleration: Option<f64>,
     cone_deg: Option<f64>,
     singularity: f64,
-    hold: Vec<String>,
+    hold: Option<Names>,
     restarts: usize,
     draws: usize,
     iterations: usize,
@@ -328,7 +329,7 @@ pub(crate) fn excite(
         basis,
         period_s,
         limits: Limits { share, velocity: speed, acceleration, cone: cone_deg.map(f64::to_radians), singularity },
-        held: hold.iter().map(|h| term(h)).collect::<PyResult<Vec<_>>>()?,
+        held: Names::all(hold).iter().map(|h| term(h)).collect::<PyResult<Vec<_>>>()?,
         columns: None,
         effects: effects.collect::<PyResult<Vec<_>>>()?,
         restarts,

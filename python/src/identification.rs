@@ -21,6 +21,7 @@ use crate::diagnosis::signals;
 use crate::dynamics::Robot;
 use crate::learned::{Learned, Number};
 use crate::long::{self, Progress};
+use crate::names::Names;
 use crate::{error, state};
 
 /// Estimates the parameters of a robot from recordings: `Identification(robot).fit(recording)`.
@@ -163,7 +164,7 @@ impl Identification {
     /// are stamped this much too late `[s]`, or `find_late_s`: how late is estimated, to this much to either side `[s]`. `derivative`:
     /// how velocities come from positions (filtered, central, savitzky-golay, spline).
     #[new]
-    #[pyo3(signature = (robot, *, method = "sdp", band_hz = None, hold = Vec::new(), shapes = false, gains = false, payload = None,
+    #[pyo3(signature = (robot, *, method = "sdp", band_hz = None, hold = None, shapes = false, gains = false, payload = None,
         outliers = None, rate_hz = None, period_s = None, late_s = None, find_late_s = None, derivative = "filtered"))]
     #[expect(
         clippy::too_many_arguments,
@@ -174,7 +175,7 @@ impl Identification {
         robot: &Bound<'_, Robot>,
         method: &str,
         band_hz: Option<f64>,
-        hold: Vec<String>,
+        hold: Option<Names>,
         shapes: bool,
         gains: bool,
         payload: Option<String>,
@@ -186,6 +187,7 @@ impl Identification {
         derivative: &str,
     ) -> PyResult<Self> {
         let (method, derivative) = (method.to_string(), derivative.to_string());
+        let hold = Names::all(hold);
         let asked = Asked { method, band_hz, hold, shapes, gains, payload, outliers, rate_hz, period_s, late_s, find_late_s, derivative };
         Ok(Self { description: Arc::clone(robot.get().description()), settings: asked.settings()?, asked, learned: None })
     }

@@ -19,6 +19,7 @@ mod long;
 mod mechanics;
 mod motion;
 mod mu;
+mod names;
 mod plant;
 mod recording;
 mod reproduction;

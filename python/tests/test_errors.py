@@ -33,6 +33,8 @@ def test_wrong_shapes(prs3, motion):
     refused(ValueError, lambda: prs3.actuated_regressor(q, v, a[:7]), "a has 7 samples, q has 200")
     refused(ValueError, lambda: prs3.rnea(q, v, a), "(200, 3)", "(n_samples, 9)", "robot.joints")
     refused(ValueError, lambda: prs3.inverse_dynamics(np.zeros((2, 3, 4)), v, a), "(2, 3, 4)")
+    single = np.zeros(prs3.actuated_regressor(q, v, a).shape, dtype=np.float32)
+    refused(ValueError, lambda: prs3.actuated_regressor(q, v, a, out=single), "out must be an array of numpy, float64")
 
 
 def test_numbers_that_are_none(prs3, motion):
@@ -58,6 +60,9 @@ def test_files_of_robots(tmp_path):
     refused(FileNotFoundError, lambda: pkm.load(bad), "x.urdf")
     (tmp_path / "x.urdf").write_text("<robot")
     refused(ValueError, lambda: pkm.load(str(bad)), "x.urdf")
+    (tmp_path / "x.urdf").write_text('<robot name="x">\n<link name="a"><inertial><mass value="1,4"/></inertial></link></robot>')
+    refused(ValueError, lambda: pkm.load(str(bad)), "x.urdf: line 2: <mass>: value", "no comma")
+    refused(FileNotFoundError, lambda: pkm.load("prs3"), "pkm.robots.load(\"prs3\")")
     refused(ValueError, lambda: pkm.robots.load("hexapod"), "hexapod", "prs3")
 
 
@@ -108,3 +113,12 @@ def test_an_unnamed_recording_is_called_something_and_its_columns_are_told():
     recording = pkm.Recording(np.arange(500) / 100.0, {"pos_q1": np.zeros(500)})
     with pytest.raises(ValueError, match=r'^recording: no column "q.q1" \(required .*; columns: pos_q1\)$'):
         pkm.diagnose(pkm.robots.load("prs3"), recording)
+
+
+def test_a_name_alone_is_a_list_of_one(prs3):
+    for given in ("offset", ["offset"]):
+        assert pkm.Identification(prs3, hold=given).get_params()["hold"] == ["offset"]
+    assert pkm.Identification(prs3).get_params()["hold"] == []
+    refused(ValueError, lambda: pkm.Identification(prs3, hold="gravity"), "hold names \"gravity\"")
+    made = pkm.simulate(prs3, prs3, seed=1, duration_s=2.0)
+    refused(ValueError, lambda: pkm.diagnose(prs3, made, without="warp"), "warp")

@@ -37,6 +37,13 @@ struct Beside {
     lead: f64,
 }
 
+impl Beside {
+    /// Whether the finding cannot be told from them: they do nearly the same, or the blocks do not say which is better.
+    fn is_alias(self, floor: f64) -> bool {
+        (self.share >= WEAK_ALIAS_SHARE && !self.is_beaten) || (self.share >= ALIAS_SHARE && self.lead < floor)
+    }
+}
+
 /// Aliases and rejected look-alikes of the pick at `index`. A lag or delay that was found is in the chain, and its column is an increment about
 /// that: it competes with the chain taken out, where what takes its place has all of it to explain. `work` is left as it was.
 ///
@@ -52,11 +59,11 @@ pub(crate) fn alternatives(work: &mut Work, index: usize, floor: f64) -> (Vec<Ef
 
 fn alternatives_as_it_stands(work: &Work, index: usize, floor: f64) -> (Vec<EffectAt>, Vec<LookAlike>) {
     let own_name = name(work, index);
-    let mut rivals = rivals(work, &[index]);
+    let mut rivals = rivals(work, &[index], floor);
     let siblings: Vec<usize> = (0..work.picks.len()).filter(|&i| name(work, i) == own_name).collect();
     if own_name == "torque_constant" {
         // A wrong mass shows at several drives at once, so it competes with all wrong scales together.
-        rivals.extend(self::rivals(work, &siblings).into_iter().filter(|r| is_mass(r.effect)));
+        rivals.extend(self::rivals(work, &siblings, floor).into_iter().filter(|r| is_mass(r.effect)));
         rivals.extend(whole_body(work, &siblings));
     }
     if is_mass(own_name) {
@@ -71,8 +78,7 @@ fn alternatives_as_it_stands(work: &Work, index: usize, floor: f64) -> (Vec<Effe
         let separating_experiment = experiment(own_name, r.effect);
         let Beside { share, is_beaten, lead } = r.beside;
         tracing::debug!(finding = own_name, rival = r.effect, place = ?r.place, share, is_beaten, lead, veto = r.veto, "in its place");
-        let is_alias = (share >= WEAK_ALIAS_SHARE && !is_beaten) || (share >= ALIAS_SHARE && lead < floor);
-        if is_alias && r.veto.is_empty() {
+        if r.beside.is_alias(floor) && r.veto.is_empty() {
             if !same.iter().any(|s: &EffectAt| s.effect == r.effect && s.place == r.place) {
                 same.push(EffectAt { effect: r.effect.to_string(), place: r.place, separating_experiment });
             }
@@ -253,7 +259,7 @@ impl Stage {
     }
 }
 
-fn rivals(work: &Work, without: &[usize]) -> Vec<Rival> {
+fn rivals(work: &Work, without: &[usize], floor: f64) -> Vec<Rival> {
     let s = stage(work, without);
     if s.taken <= 0.0 {
         return Vec::new();
@@ -285,16 +291,25 @@ fn rivals(work: &Work, without: &[usize]) -> Vec<Rival> {
             trials.push((beside, v));
         }
         trials.sort_by(|a, b| b.0.share.total_cmp(&a.0.share));
-        // The best shape that is possible speaks for the candidate; the best of all where none is.
+        // The best shape that is possible speaks for the candidate, one that cannot be told before the others; the best of all where none is.
         let rival = |&(beside, v): &(Beside, &Variant)| {
-            let veto = veto(work, &s, c, v);
+            // A body with something on it is a body, whatever numbers a fit has chosen for what the motion does not show.
+            let veto = if is_load_of(work, without, candidate) { String::new() } else { veto(work, &s, c, v) };
             Rival { effect: candidate.effect_name(), place: candidate.places(&work.robot.model), beside, veto }
         };
         let worth: Vec<Rival> = trials.iter().take_while(|t| t.0.share >= LOOK_ALIKE_SHARE).take(MAX_SHAPES).map(rival).collect();
-        let best = worth.iter().find(|r| r.veto.is_empty()).or(worth.first()).cloned();
+        let mut possible = worth.iter().filter(|r| r.veto.is_empty());
+        let best = possible.clone().find(|r| r.beside.is_alias(floor)).or(possible.next()).or(worth.first()).cloned();
         out.extend(best);
     }
     out
+}
+
+/// Whether a candidate is the wrong inertia of the link that the one removed pick puts a load on.
+fn is_load_of(work: &Work, without: &[usize], candidate: &Candidate) -> bool {
+    let [pick] = without else { return false };
+    let own = &work.candidates[work.picks[*pick].candidate];
+    own.effect_name() == "payload" && candidate.effect_name() == "inertia_error" && candidate.is_where(own)
 }
 
 /// Shapes of a rival that are read before it is called impossible.

@@ -119,6 +119,16 @@ pub enum InputError {
         /// Length of the recording `[s]`.
         duration: f64,
     },
+    /// A link that is to carry a payload and is none, or has no mass that is estimated.
+    #[error("payload: no link {link:?} with mass in robot {robot:?} (there are: {known})")]
+    Carrier {
+        /// As given.
+        link: String,
+        /// Robot name.
+        robot: String,
+        /// Links that could.
+        known: String,
+    },
     /// A stated gravity or load that does not fit the robot.
     #[error("{recording}: metadata {key}: {detail}")]
     Meta {

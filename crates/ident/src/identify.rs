@@ -123,7 +123,8 @@ fn all_of_it<'s>(
     };
     let all: Vec<(&Recording, Use)> = fit.iter().map(|r| (r, kind)).chain(holdout.iter().map(|r| (r, Use::Holdout))).collect();
     let observation = Observation::try_new(&robot, &all, settings.rows)?;
-    let [factors, judged] = both_factors(&observation, &mut |x| progress(0.7 * x))?;
+    let factors = Factors::of(&observation, Rows::Fitted, &mut |x| progress(0.35 * x))?;
+    let judged = Factors::of(&observation, Rows::HeldOut, &mut |x| progress(0.35 + 0.35 * x))?;
     let structure = structure(&robot, observation.columns())?;
     done.extend(all.iter().zip(observation.motions()).map(|((r, _), m)| {
         let [cutoff, number] = m.derivative;
@@ -147,17 +148,6 @@ fn all_of_it<'s>(
     let out = work.run(&mut |x| progress(0.7 + 0.3 * x))?;
     progress(1.0);
     Ok(out)
-}
-
-/// Rows to fit on and rows to judge on, both at once; the share done is that of the first, the second is seldom longer.
-fn both_factors(observation: &Observation<'_>, progress: &mut dyn FnMut(f64)) -> Result<[Factors; 2], InputError> {
-    let judge = || Factors::of(observation, Rows::HeldOut, &mut |_| {});
-    let mut judged = None;
-    let fitted = rayon::in_place_scope(|scope| {
-        scope.spawn(|_| judged = Some(judge()));
-        Factors::of(observation, Rows::Fitted, progress)
-    })?;
-    Ok([fitted, judged.unwrap_or_else(judge)?])
 }
 
 fn not_shown(s: &Shape) -> Note {

@@ -11,13 +11,15 @@ use pkm_dyn::Model;
 /// Share of an effort's square that the model may leave of it as it should have been recorded.
 const NEARLY_ALL: f64 = 0.1;
 
-/// Share that the model must leave of it as it was recorded; drives that carry each other's load feel much the same.
+/// Share that the model must leave of it as it was recorded, or how many times as much as it leaves of it as it should have been: drives that
+/// carry each other's load feel much the same.
 const MUCH: f64 = 0.3;
+const TIMES: f64 = 20.0;
 
 /// Rows below which nothing is said.
 const LEAST: usize = 50;
 
-/// A drive's effort and the model's at the same samples, behind the same filter `[N | N·m]`.
+/// A drive's effort and the model's at the samples of its recording, behind the same filter `[N | N·m]`; NaN where it does not count.
 #[derive(Debug, Clone, Copy)]
 pub struct Pair<'s> {
     /// As recorded.
@@ -69,13 +71,13 @@ pub fn mixed(model: &Model, recording: &str, drives: &[Pair<'_>]) -> Vec<Mixed> 
     for (k, own) in drives.iter().enumerate() {
         let as_recorded = left(own.effort, own.model, 1.0);
         let turned = left(own.effort, own.model, -1.0);
-        if as_recorded > MUCH && turned < NEARLY_ALL {
+        if is_mended(as_recorded, turned) {
             out.push(Mixed { recording: recording.to_string(), joints: vec![joint(k)], as_recorded, mended: turned });
         }
         for (l, other) in drives.iter().enumerate().skip(k + 1).filter(|(l, _)| kind(*l) == kind(k)) {
             let here = [as_recorded, left(other.effort, other.model, 1.0)];
             let there = [left(own.effort, other.model, 1.0), left(other.effort, own.model, 1.0)];
-            if here.iter().all(|x| *x > MUCH) && there.iter().all(|x| *x < NEARLY_ALL) {
+            if here.iter().zip(&there).all(|(here, there)| is_mended(*here, *there)) {
                 let [as_recorded, mended] = [here, there].map(|[a, b]| a.max(b));
                 out.push(Mixed { recording: recording.to_string(), joints: vec![joint(k), joint(l)], as_recorded, mended });
             }
@@ -84,13 +86,17 @@ pub fn mixed(model: &Model, recording: &str, drives: &[Pair<'_>]) -> Vec<Mixed> 
     out
 }
 
+/// Whether a change explains what it explains so much better that it is no chance.
+fn is_mended(as_recorded: f64, changed: f64) -> bool {
+    changed < NEARLY_ALL && (as_recorded > MUCH || as_recorded > NEARLY_ALL && as_recorded > TIMES * changed)
+}
+
 /// Share of an effort's square that a model times `sign` leaves; infinite where there is nothing to compare.
 fn left(effort: &[f64], model: &[f64], sign: f64) -> f64 {
-    let all: f64 = effort.iter().map(|e| e * e).sum();
-    if effort.len() < LEAST || effort.len() != model.len() || all <= 0.0 {
-        return f64::INFINITY;
-    }
-    effort.iter().zip(model).map(|(e, m)| (e - sign * m) * (e - sign * m)).sum::<f64>() / all
+    let both = effort.iter().zip(model).filter(|(e, m)| e.is_finite() && m.is_finite());
+    let (count, all, rest) =
+        both.fold((0, 0.0, 0.0), |(count, all, rest), (e, m)| (count + 1, all + e * e, rest + (e - sign * m) * (e - sign * m)));
+    if count < LEAST || all <= 0.0 { f64::INFINITY } else { rest / all }
 }
 
 #[cfg(test)]

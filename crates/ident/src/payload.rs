@@ -56,11 +56,8 @@ pub fn payload(robot: &Robot, recordings: &[Recording], link: &str, rows: RowOpt
     let pairs: Vec<(&Recording, Use)> = recordings.iter().map(|r| (r, Use::Fit)).collect();
     let observation = Observation::try_new(robot, &pairs, rows)?;
     let columns = observation.columns();
-    let bad = || InputError::Meta {
-        recording: recordings.first().map_or_else(String::new, |r| r.name.clone()),
-        key: "load",
-        detail: format!("no link {link:?} with mass in this robot"),
-    };
+    let names = || columns.links.iter().map(|&l| robot.model.links[l].name.as_str()).collect::<Vec<_>>().join(", ");
+    let bad = || InputError::Carrier { link: link.to_string(), robot: robot.model.name.clone(), known: names() };
     let of_link = |q: Quantity| matches!(q, Quantity::Inertial { link: l, .. } if robot.model.links[l].name == link);
     let own: Vec<usize> = (0..columns.len()).filter(|&j| of_link(columns.list[j].quantity)).collect();
     if own.len() != N_INERTIAL {

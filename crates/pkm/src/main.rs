@@ -121,7 +121,7 @@ terminals, and NO_COLOR turns them off.
 
 /// Models of parallel robots, and what their recordings say is missing from them.
 #[derive(Debug, Parser)]
-#[command(name = "pkm", version = VERSION, help_template = HELP, subcommand_value_name = "VERB", disable_help_subcommand = true)]
+#[command(name = "pkm", version = VERSION, help_template = HELP, subcommand_value_name = "VERB")]
 struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -240,14 +240,28 @@ fn parse() -> Result<Cli, ExitCode> {
             let _ = e.print();
             return ExitCode::from(BAD_INPUT);
         }
-        let text = e.to_string();
-        let told = text.lines().take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more information"));
-        let line = told.collect::<Vec<_>>().join(" ");
         let given = std::env::args().nth(1);
         let verb = given.filter(|given| Cli::command().find_subcommand(given).is_some()).map_or(String::new(), |verb| format!("{verb} "));
-        out::error(&format!("{} (see `pkm {verb}--help`)", line.strip_prefix("error: ").unwrap_or(&line)));
+        out::error(&format!("{} (see `pkm {verb}--help`)", one_line(&e.to_string())));
         ExitCode::from(BAD_INPUT)
     })
+}
+
+/// What is wrong with the arguments in one line, with the tip that there is.
+fn one_line(text: &str) -> String {
+    let told = text.lines().take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more information"));
+    let mut out = String::new();
+    for line in told.map(str::trim).filter(|l| !l.is_empty()) {
+        let (between, said) = match line.strip_prefix("tip: ") {
+            // The parser's own advice is for words, not for numbers of an option.
+            Some(tip) if tip.starts_with("to pass '-") => ("; ", "a value that begins with a minus is written --OPTION=VALUE"),
+            Some(tip) => ("; ", tip),
+            None => (" ", line.strip_prefix("error: ").unwrap_or(line)),
+        };
+        out += if out.is_empty() { "" } else { between };
+        out += said;
+    }
+    out
 }
 
 /// One line instead of a backtrace; several threads may panic at once, one speaks.
