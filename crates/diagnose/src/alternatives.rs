@@ -33,7 +33,7 @@ struct Beside {
     share: f64,
     /// Whether the finding beats them in the blocks more clearly than chance (paired t-test over blocks, 95 %).
     is_beaten: bool,
-    /// Share of the error that they leave which the finding takes away beyond them.
+    /// Share of the error that they leave which the finding takes away beyond them; none where a prior holds them back.
     lead: f64,
 }
 
@@ -242,9 +242,10 @@ impl Stage {
         1.0 + share - both / self.taken.max(f64::MIN_POSITIVE)
     }
 
-    /// What other columns, which act at `joints`, do beside the removed picks.
-    fn compare(&self, gains: &[Vec<f64>], joints: &[usize]) -> Beside {
-        let lead: Vec<f64> = self.blocks.iter().zip(gains).map(|(own, other)| own - other[0]).collect();
+    /// What other columns with their inverse prior variances, which act at `joints`, do beside the removed picks.
+    fn beside(&self, work: &Work, ids: &[ColumnId], prior: &[f64], joints: &[usize]) -> Beside {
+        let gains = screen::gains(&work.gram, &self.cross, &self.base, ids, prior, &[]).all;
+        let lead: Vec<f64> = self.blocks.iter().zip(&gains).map(|(own, other)| own - other[0]).collect();
         let n = lead.len() as f64;
         let mean = lead.iter().sum::<f64>() / n;
         let variance = lead.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>() / (n - 1.0).max(1.0);
@@ -255,6 +256,8 @@ impl Stage {
         both.sort_unstable();
         both.dedup();
         let lead = (self.taken - theirs) / (self.base.over(&both, 0) - theirs).max(f64::MIN_POSITIVE);
+        // Held back by what is expected of their numbers, they may stay behind though they are the truth.
+        let lead = if prior.iter().any(|p| *p > 0.0) { 0.0 } else { lead };
         Beside { share: theirs / self.taken.max(f64::MIN_POSITIVE), is_beaten, lead }
     }
 }
@@ -280,11 +283,7 @@ fn rivals(work: &Work, without: &[usize], floor: f64) -> Vec<Rival> {
             if own.is_empty() || contains {
                 continue;
             }
-            let mut beside = s.compare(&screen::gains(&work.gram, &s.cross, &s.base, &own, &prior, &[]).all, &candidate.scope);
-            if prior.iter().any(|p| *p > 0.0) {
-                // Held back by what is expected of its numbers, it may stay behind though it is the truth.
-                beside.lead = 0.0;
-            }
+            let mut beside = s.beside(work, &own, &prior, &candidate.scope);
             if beside.share >= LOOK_ALIKE_SHARE {
                 beside.share = beside.share.min(s.in_common(work, &own, &prior, beside.share));
             }
@@ -343,9 +342,7 @@ fn whole_body(work: &Work, without: &[usize]) -> Option<Rival> {
     let s = stage(work, without);
     let (ids, prior) = work.with_rigid(Vec::new(), PRIORS[PRIORS.len() - 1]);
     let everywhere: Vec<usize> = (0..work.design.n_joints).collect();
-    let mut beside = s.compare(&screen::gains(&work.gram, &s.cross, &s.base, &ids, &prior, &[]).all, &everywhere);
-    // As every rival with a prior.
-    beside.lead = 0.0;
+    let beside = s.beside(work, &ids, &prior, &everywhere);
     let model = &work.robot.model;
     let place = model.massive_links().into_iter().map(|l| model.links[l].name.clone()).collect();
     Some(Rival { effect: "inertia_error", place, beside, veto: String::new() })
@@ -355,9 +352,9 @@ fn whole_body(work: &Work, without: &[usize]) -> Option<Rival> {
 fn all_scales(work: &Work, without: &[usize]) -> Option<Rival> {
     let s = stage(work, without);
     let is_picked = |c: usize| work.picks.iter().any(|p| p.candidate == c);
-    let scales = work.candidates.iter().enumerate().filter(|(c, x)| x.effect_name() == "torque_constant" && !is_picked(*c));
+    let is_scale = |c: &usize| work.candidates[*c].effect_name() == "torque_constant" && !is_picked(*c);
     let (mut ids, mut prior, mut place, mut joints) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    for (_, candidate) in scales {
+    for candidate in (0..work.candidates.len()).filter(is_scale).map(|c| &work.candidates[c]) {
         let Some(v) = candidate.variants.iter().find(|v| v.softness.is_none_or(|w| w == work.softness)) else { continue };
         let (own, own_prior) = own_columns(work, v, &s.columns);
         ids.extend(own);
@@ -368,7 +365,7 @@ fn all_scales(work: &Work, without: &[usize]) -> Option<Rival> {
     if ids.is_empty() || s.taken <= 0.0 {
         return None;
     }
-    let mut beside = s.compare(&screen::gains(&work.gram, &s.cross, &s.base, &ids, &prior, &[]).all, &joints);
+    let mut beside = s.beside(work, &ids, &prior, &joints);
     beside.share = beside.share.min(s.in_common(work, &ids, &prior, beside.share));
     Some(Rival { effect: "torque_constant", place, beside, veto: String::new() })
 }

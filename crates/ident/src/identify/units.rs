@@ -9,13 +9,11 @@ use crate::note::Note;
 use crate::observation::{Observation, Rows};
 use crate::thousands::{Seen, other_units, seen};
 
-/// Rows of one drive in one recording.
+/// Rows of one drive in one recording; NaN where the drive does not count, of its own columns only those where it does.
 #[derive(Clone, Default)]
 struct Series {
     effort: Vec<f64>,
     nominal: Vec<f64>,
-    /// Effort and nominal in every row of the recording, NaN where the drive does not count.
-    rows: [Vec<f64>; 2],
     own: [Vec<f64>; 4],
 }
 
@@ -27,7 +25,7 @@ pub(super) fn notes(observation: &Observation<'_>) -> Result<Vec<Note>, InputErr
     let model = &observation.robot().model;
     let all = series_of(observation)?;
     let notes = |(motion, drives): (&Motion, &Vec<Series>)| {
-        let pairs: Vec<_> = drives.iter().map(|s| Pair { effort: &s.rows[0], model: &s.rows[1] }).collect();
+        let pairs: Vec<_> = drives.iter().map(|s| Pair { effort: &s.effort, model: &s.nominal }).collect();
         let units = other_units(model, &motion.name, &seen_each(drives)).into_iter().map(Note::OtherUnits);
         units.chain(mixed(model, &motion.name, &pairs).into_iter().map(Note::Mixed)).collect::<Vec<_>>()
     };
@@ -43,7 +41,8 @@ pub(crate) fn seen_of(observation: &Observation<'_>) -> Result<Vec<Vec<Option<Se
 }
 
 fn seen_each(drives: &[Series]) -> Vec<Option<Seen>> {
-    drives.iter().map(|s| seen(&s.effort, &s.nominal, &s.own)).collect()
+    let counted = |x: &Vec<f64>| x.iter().copied().filter(|x| x.is_finite()).collect::<Vec<_>>();
+    drives.iter().map(|s| seen(&counted(&s.effort), &counted(&s.nominal), &s.own)).collect()
 }
 
 /// Rows of every recording, [recording][drive].
@@ -57,16 +56,14 @@ fn series_of(observation: &Observation<'_>) -> Result<Vec<Vec<Series>>, InputErr
             for (k, series) in all[block.recording].iter_mut().enumerate() {
                 for i in 0..block.len() {
                     if !block.is_active(k, i) {
-                        series.rows.iter_mut().for_each(|rows| rows.push(f64::NAN));
+                        series.effort.push(f64::NAN);
+                        series.nominal.push(f64::NAN);
                         continue;
                     }
                     let row = block.row(k, i);
                     let known = block.effort(k, i) - block.target(k, i);
-                    let effort = block.effort(k, i);
-                    let given = known + row.iter().zip(&nominal).map(|(w, x)| w * x).sum::<f64>();
-                    series.effort.push(effort);
-                    series.nominal.push(given);
-                    series.rows.iter_mut().zip([effort, given]).for_each(|(rows, x)| rows.push(x));
+                    series.effort.push(block.effort(k, i));
+                    series.nominal.push(known + row.iter().zip(&nominal).map(|(w, x)| w * x).sum::<f64>());
                     for (out, at) in series.own.iter_mut().zip(&own[k]) {
                         out.push(at.map_or(0.0, |c| row[c]));
                     }
