@@ -9,7 +9,7 @@ use pkm_ident::{EffortKind, KnownLoad, Meta, Recording as Signals};
 use pkm_record::{Attachments, ReadOptions};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyDict, PyIterator, PyList, PyTuple};
 
 use crate::array::{ArrayLike, vector};
 use crate::dynamics::Robot;
@@ -111,6 +111,11 @@ impl Recording {
 
     fn __contains__(&self, name: &str) -> bool {
         self.signals.signal(name).is_some()
+    }
+
+    // Over names, as a table of pandas does; without it Python would ask for signal 0.
+    fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyIterator>> {
+        PyList::new(py, self.signal_names())?.try_iter()
     }
 
     /// Number of samples.

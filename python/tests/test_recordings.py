@@ -23,6 +23,7 @@ def test_what_goes_in_comes_out(recording):
     assert recording.duration == pytest.approx(0.49)
     assert recording.signals == ["q.q1", "q_ref.q1", "tau.q1", "temp.q1"]
     assert "q.q1" in recording and "q.q2" not in recording
+    assert list(recording) == recording.signals
     np.testing.assert_array_equal(recording["q.q1"], np.sin(recording.time))
     assert recording.meta["load"] == {"link": "platform", "mass": 2.0, "xyz": [0.0, 0.0, 0.1]}
     assert recording.meta["gravity"] == [0.1, 0.0, -9.8]

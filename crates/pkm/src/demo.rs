@@ -91,7 +91,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     record(args, &nominal, &concealed, &paths)?;
     story.recorded(&paths, args.duration)?;
     // From here on the nominal robot and the two files are all there is.
-    let mut recordings = read_recordings(&paths, None)?;
+    let mut recordings = read_recordings(&paths, None, args.quiet)?;
     let holdout = recordings.split_off(1);
     let targets = targets(&folder);
     let diagnosis = examine(args, &nominal, &targets, [&recordings, &holdout])?;

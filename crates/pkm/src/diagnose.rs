@@ -81,8 +81,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let file = args.robot.display().to_string();
     let description = robot_file::read(&args.robot)?;
     check::must_assemble(&description.robot.model, &file)?;
-    let train = read_recordings(&args.recordings, args.topic.as_deref())?;
-    let holdout = read_recordings(&args.holdouts, args.topic.as_deref())?;
+    let train = read_recordings(&args.recordings, args.topic.as_deref(), args.quiet)?;
+    let holdout = read_recordings(&args.holdouts, args.topic.as_deref(), args.quiet)?;
     let targets = Targets::of(args)?;
     let urdf = args.robot.with_file_name(&description.spec.urdf);
     let files = args.recordings.iter().chain(&args.holdouts).chain([&args.robot, &urdf]).map(PathBuf::as_path);

@@ -139,8 +139,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let file = args.robot.display().to_string();
     let description = robot_file::read(&args.robot)?;
     check::must_assemble(&description.robot.model, &file)?;
-    let fit = read_recordings(&args.recordings, args.topic.as_deref())?;
-    let holdout = read_recordings(&args.holdouts, args.topic.as_deref())?;
+    let fit = read_recordings(&args.recordings, args.topic.as_deref(), args.quiet)?;
+    let holdout = read_recordings(&args.holdouts, args.topic.as_deref(), args.quiet)?;
     let robot_out = robot_paths(args)?;
     let urdf = args.robot.with_file_name(&description.spec.urdf);
     let inputs: Vec<&Path> = args.recordings.iter().chain(&args.holdouts).chain([&args.robot, &urdf]).map(PathBuf::as_path).collect();

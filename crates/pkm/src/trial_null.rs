@@ -67,8 +67,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let file = args.robot.display().to_string();
     let description = robot_file::read(&args.robot)?;
     check::must_assemble(&description.robot.model, &file)?;
-    let train = parts(&description, read_recordings(&args.recordings, args.topic.as_deref())?, &file)?;
-    let holdout = parts(&description, read_recordings(&args.holdouts, args.topic.as_deref())?, &file)?;
+    let train = parts(&description, read_recordings(&args.recordings, args.topic.as_deref(), args.quiet)?, &file)?;
+    let holdout = parts(&description, read_recordings(&args.holdouts, args.topic.as_deref(), args.quiet)?, &file)?;
     let targets: Vec<PathBuf> = args.json.iter().cloned().collect();
     let mut outputs = Outputs::reserve(
         &targets,

@@ -84,7 +84,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let targets: Vec<PathBuf> = args.html.iter().cloned().collect();
     let inputs: Vec<&Path> = [args.robot.as_path(), &args.recording].into_iter().chain(args.controller.path()).collect();
     let mut outputs = Outputs::reserve(&targets, &inputs)?;
-    let recording = read_recordings(core::slice::from_ref(&args.recording), args.topic.as_deref())?;
+    let recording = read_recordings(core::slice::from_ref(&args.recording), args.topic.as_deref(), false)?;
     let recording = recording.first().ok_or_else(|| anyhow!("no recording"))?;
     in_its_units(&nominal.model, recording)?;
     let truth = Robot::new(description.bare.clone(), nominal.effects.iter().cloned().chain(added.effects).collect());

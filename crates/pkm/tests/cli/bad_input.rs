@@ -355,6 +355,8 @@ fn a_clock_in_milliseconds_is_doubted() {
     let output = pkm(folder.path(), &["diagnose", "rig.toml", "--recording", "bad.csv"]);
     let told = String::from_utf8(output.stderr).unwrap();
     assert!(told.contains("note: bad.csv: ") && told.contains("are these milliseconds? t is in seconds"), "{told}");
+    let output = pkm(folder.path(), &["diagnose", "rig.toml", "--recording", "bad.csv", "--quiet"]);
+    assert!(output.stderr.is_empty() && output.stdout.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
     let output = pkm(folder.path(), &["diagnose", "rig.toml", "--recording", "A.csv"]);
     assert!(!String::from_utf8(output.stderr).unwrap().contains("milliseconds"));
 }
