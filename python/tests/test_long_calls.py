@@ -2,6 +2,7 @@
 
 import _thread
 import functools
+import signal
 import threading
 import time
 
@@ -60,6 +61,15 @@ LONG = {
 }
 
 
+@pytest.fixture
+def heard():
+    """Ctrl-C is heard: a shell starts what it puts in the background deaf to it, and then nothing would end a long call."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heard")
 @pytest.mark.parametrize("name", LONG)
 def test_ctrl_c_ends_a_long_call(name):
     hour(), long_recording()

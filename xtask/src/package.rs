@@ -31,13 +31,16 @@ pub(crate) fn package(rest: &[&str]) -> Result<(), String> {
     citation()?;
     metadata()?;
     contents()?;
+    let products = target().join("packages");
+    // A package is taken for the one that was compiled before as long as its version is, whatever it holds.
+    run(cargo("clean --quiet --workspace").env("CARGO_TARGET_DIR", &products))?;
     // In the order in which they depend on each other, against an overlay of the registry that holds those before; a tree that is not
     // committed can be tried as well.
     let excluded = "--exclude xtask --exclude pkm-tests --exclude pkm-benches --exclude pkm-python";
     let mut command = cargo(&format!("publish --dry-run --workspace {excluded} --allow-dirty"));
     command.args(rest.iter().filter(|o| **o == "--no-verify"));
     // What is looked for is whether they compile: without what only a debugger reads.
-    run(command.env("CARGO_TARGET_DIR", target().join("packages")).env("CARGO_PROFILE_DEV_DEBUG", "0"))?;
+    run(command.env("CARGO_TARGET_DIR", &products).env("CARGO_PROFILE_DEV_DEBUG", "0"))?;
     if !rest.contains(&"--no-wheel") {
         wheel()?;
         installed()?;

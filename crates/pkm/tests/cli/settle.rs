@@ -47,6 +47,47 @@ fn bash_completes_verbs_flags_and_values() {
     assert_eq!(files, ["rig.urdf"]);
 }
 
+/// What a shell, the words that begin it, prints of a script, with `pkm` among its commands.
+fn answer(folder: &Path, shell: &[&str], script: &str) -> String {
+    let own = Path::new(env!("CARGO_BIN_EXE_pkm")).parent().unwrap().to_path_buf();
+    let others = std::env::var_os("PATH").unwrap_or_default();
+    let path = std::env::join_paths(core::iter::once(own).chain(std::env::split_paths(&others))).unwrap();
+    let mut command = Command::new(shell[0]);
+    let output = command.args(&shell[1..]).arg(script).env("PATH", path).env("HOME", folder).current_dir(folder).output().unwrap();
+    assert!(output.status.success(), "{:?} {}", output.status, String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[test]
+fn fish_completes_verbs_flags_and_their_values() {
+    if !is_there("fish", &["--version"]) {
+        return;
+    }
+    let folder = rig();
+    let offered = |line: &str| -> Vec<String> {
+        let told = answer(folder.path(), &["fish", "-c"], &format!("pkm completions fish | source; complete -C '{line}'"));
+        told.lines().filter_map(|l| l.split('\t').next()).map(str::to_string).collect()
+    };
+    assert_eq!(offered("pkm dia"), ["diagnose"]);
+    assert_eq!(offered("pkm diagnose --hold"), ["--holdout"]);
+    assert_eq!(offered("pkm twin --follow "), ["measured", "reference"]);
+}
+
+// Zsh completes at a terminal only: it gets one here, and each step waits for what the last must show.
+#[test]
+fn zsh_completes_a_verb() {
+    if !is_there("zsh", &["--version"]) || !is_there("timeout", &["--version"]) {
+        return;
+    }
+    let script = "zmodload zsh/zpty; zpty w zsh -f
+        zpty -w w 'autoload -Uz compinit; compinit -u -D; source <(pkm completions zsh); print REA\"\"DY'
+        zpty -r -m w shown '*READY*'
+        zpty -n -w w $'pkm dia\\t'
+        zpty -r -m w shown '*pkm diagnose*' && print completed
+        zpty -d w";
+    assert_eq!(answer(rig().path(), &["timeout", "60", "zsh", "-f", "-c"], script), "completed\n");
+}
+
 #[test]
 fn every_shell_gets_every_verb() {
     let folder = rig();
