@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::reason::reasons;
 use super::verdict::{Finding, Verdict};
 use crate::bench::MEASURED;
 use crate::case::{Answer, Concealed, Level};
@@ -62,6 +63,8 @@ pub struct Marks {
     pub recordings: usize,
     /// What was said, as `effect@place`, in order; `unexplained` and a status that is not ok at the end.
     pub said: Vec<String>,
+    /// Why it failed, in the verdict's own words: per effect that is missing or not first, or per name that should not be there.
+    pub reasons: Vec<String>,
     /// The diagnosis ended with a verdict.
     pub ran: bool,
     /// Anything was said.
@@ -98,11 +101,11 @@ pub struct Marks {
     pub engine: String,
 }
 
-fn meets(a: &[String], b: &[String]) -> bool {
+pub(super) fn meets(a: &[String], b: &[String]) -> bool {
     a.iter().any(|x| b.contains(x))
 }
 
-fn is_it(effect: &str, place: &[String], truth: &Concealed) -> bool {
+pub(super) fn is_it(effect: &str, place: &[String], truth: &Concealed) -> bool {
     effect == truth.effect && meets(place, &truth.place)
 }
 
@@ -159,6 +162,7 @@ pub fn judge(case: &str, answer: &Answer, verdict: Option<&Verdict>, ran: &Ran) 
         noise: answer.noise_factor.unwrap_or(1.0),
         recordings: answer.recordings.unwrap_or(MEASURED),
         said: said(v),
+        reasons: reasons(answer, verdict),
         ran: verdict.is_some(),
         is_detected: !v.findings.is_empty() || v.unexplained.present || says_restless,
         is_first_right,

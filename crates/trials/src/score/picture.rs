@@ -87,7 +87,7 @@ fn tables(text: &str) -> String {
         }
         out.push_str("<tr>");
         cells.split(" | ").for_each(|c| {
-            let _ = write!(out, "<{tag}>{}</{tag}>", escape(c));
+            let _ = write!(out, "<{tag}>{}</{tag}>", escape(&c.replace("\\|", "|")));
         });
         out.push_str("</tr>");
     }

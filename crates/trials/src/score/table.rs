@@ -5,6 +5,7 @@ use core::fmt::Write as _;
 
 use super::asked::asked;
 use super::judge::Marks;
+use super::reason::{cell, counted};
 use super::tally::{Count, Tally, tally};
 use crate::case::Level;
 
@@ -101,7 +102,9 @@ pub fn markdown(marks: &[Marks]) -> String {
         let _ = writeln!(out, "| {from} to {to} | {mean:.2} | {} |", share(*count));
     }
     let _ = writeln!(out, "\n{}", asked(marks).trim_end());
-    let _ = writeln!(out, "\nCases that failed:\n\n| case | level | robot | concealed | size | said |\n|---|---|---|---|---|---|");
+    let _ = writeln!(out, "\nWhy, in the verdicts' own words:\n\n{}", counted(marks).trim_end());
+    let _ =
+        writeln!(out, "\nCases that failed:\n\n| case | level | robot | concealed | size | said | why |\n|---|---|---|---|---|---|---|");
     for m in marks.iter().filter(|m| has_failed(m)) {
         let said = if !m.ran {
             "no verdict".to_string()
@@ -111,7 +114,8 @@ pub fn markdown(marks: &[Marks]) -> String {
             m.said.join(", ")
         };
         let concealed = if m.concealed.is_empty() { "nothing".to_string() } else { m.concealed.join(", ") };
-        let _ = writeln!(out, "| {} | {:?} | {} | {concealed} | {} | {said} |", m.case, m.level, m.robot, number(m.size));
+        let why = cell(&m.reasons.join("; "));
+        let _ = writeln!(out, "| {} | {:?} | {} | {concealed} | {} | {said} | {why} |", m.case, m.level, m.robot, number(m.size));
     }
     out
 }

@@ -19,6 +19,57 @@ pub struct Verdict {
     /// Errors on held-out samples.
     #[serde(default)]
     pub heldout: Heldout,
+    /// What was tried and is not among the findings.
+    #[serde(default)]
+    pub ruled_out: Vec<RuledOut>,
+    /// What these recordings cannot show.
+    #[serde(default)]
+    pub invisible: Vec<Invisible>,
+    /// The smallest that can be seen.
+    #[serde(default)]
+    pub minimum_detectable: Vec<Smallest>,
+}
+
+/// An effect that is not a finding, and the reason.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+pub struct RuledOut {
+    /// Name of the effect.
+    pub effect: String,
+    /// Joints, links or loops.
+    #[serde(default, rename = "where")]
+    pub place: Vec<String>,
+    /// Why not.
+    #[serde(default)]
+    pub why_not: String,
+}
+
+/// An effect that cannot be seen, and the reason.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+pub struct Invisible {
+    /// Name of the effect.
+    pub effect: String,
+    /// Joints, links or loops.
+    #[serde(default, rename = "where")]
+    pub place: Vec<String>,
+    /// Why.
+    #[serde(default)]
+    pub why: String,
+}
+
+/// The smallest of an effect that can be seen.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+pub struct Smallest {
+    /// Name of the effect.
+    pub effect: String,
+    /// Joints, links or loops.
+    #[serde(default, rename = "where")]
+    pub place: Vec<String>,
+    /// Name of the parameter.
+    #[serde(default)]
+    pub parameter: String,
+    /// Smallest value, SI.
+    #[serde(default)]
+    pub value: f64,
 }
 
 /// A finding.
@@ -41,6 +92,15 @@ pub struct Finding {
     /// What it cannot be told from.
     #[serde(default)]
     pub cannot_tell_from: Vec<Place>,
+    /// What looks like it and is not.
+    #[serde(default)]
+    pub look_alikes: Vec<RuledOut>,
+    /// Held-out error without it, as a share of the effort.
+    #[serde(default, rename = "heldout_rms_before")]
+    pub before: f64,
+    /// Held-out error with it, as a share of the effort.
+    #[serde(default, rename = "heldout_rms_after")]
+    pub after: f64,
 }
 
 /// An effect somewhere.
