@@ -26,9 +26,9 @@ pub(crate) const SIZES: [(f64, f64); 6] = [(0.0, 0.75), (0.75, 1.5), (1.5, 3.0),
 /// Tallies: all, per level, per size, per noise and number of recordings where they differ, per robot.
 pub(crate) fn tallies(marks: &[Marks]) -> Vec<Tally> {
     let mut out = vec![tally("all", marks, |_| true)];
-    out.push(tally("L2 and L3, size 1.5 and more", marks, |m| {
-        [Level::L2, Level::L3].contains(&m.level) && m.size.is_some_and(|s| s >= 1.5)
-    }));
+    for (label, most) in [("L2 and L3, size 1.5 and more", f64::INFINITY), ("L2 and L3, size 1.5 to 3", 3.0)] {
+        out.push(tally(label, marks, |m| [Level::L2, Level::L3].contains(&m.level) && m.size.is_some_and(|s| s >= 1.5 && s < most)));
+    }
     out.extend(Level::ALL.map(|l| tally(&format!("{l:?}"), marks, move |m| m.level == l)));
     for (low, high) in SIZES {
         let label = if high.is_finite() { format!("size {low} to {high}") } else { format!("size {low} and more") };
