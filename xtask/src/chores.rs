@@ -57,7 +57,7 @@ pub(crate) fn long(only: &[&str]) -> Result<(), String> {
 }
 
 /// Seed of the blind trials; a run that is to be published has one that nobody has looked at.
-const SEED: &str = "9304";
+const SEED: &str = "9305";
 
 /// The blind trials of docs/PROOF.md in full: 300 healthy robots, 100 with two effects, 100 with physics outside the catalogue, 500 at L2 and L3 of
 /// which 200 have size 2. A run that was stopped goes on; cases stay when the commit is another, verdicts do not.
@@ -75,6 +75,8 @@ fn prove(results: &Path, commit: &str) -> Result<(), String> {
     let sizes = ["0.5", "1", "2", "2", "4"].map(|size| ["--size", size]);
     run(command.arg(SEED).args(sizes.as_flattened()).arg("--out").arg(&out))?;
     let table = fs::read_to_string(out.join("results.md")).map_err(failed)?;
+    let pictures = results.join("prove.html");
+    fs::copy(out.join("results.html"), &pictures).map_err(|e| format!("{}: {e}", pictures.display()))?;
     let path = results.join("prove.md");
     fs::write(&path, format!("commit {commit}\n\n{table}")).map_err(|e| format!("{}: {e}", path.display()))
 }
