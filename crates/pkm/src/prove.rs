@@ -254,7 +254,7 @@ fn score(args: &Args, folder: &Folder) -> anyhow::Result<ExitCode> {
     if !others.is_empty() {
         table += &beside(&marks, &others);
     }
-    let title = format!("Blind trials: {} of {} cases, pkm {}", marks.len(), seals.len(), crate::VERSION);
+    let title = format!("Blind trials: {} of {} cases, scored by pkm {}", marks.len(), seals.len(), crate::VERSION);
     let results = folder.write_scores(&marks, &table, &page(&title, &marks, &table))?;
     if args.json {
         out::say(&out::clean(results.trim_end()))?;

@@ -8,10 +8,11 @@ use super::tally::{Count, tally};
 use crate::case::Level;
 use crate::math::ln;
 
-const WIDTH: f64 = 460.0;
+const WIDTH: f64 = 470.0;
 const HEIGHT: f64 = 280.0;
 const LEFT: f64 = 50.0;
-const RIGHT: f64 = 10.0;
+/// Room for half of the last mark along x.
+const RIGHT: f64 = 20.0;
 const TOP: f64 = 34.0;
 const BOTTOM: f64 = 40.0;
 
