@@ -4,6 +4,7 @@ use alloc::collections::BTreeMap;
 use core::fmt::Write as _;
 
 use super::judge::{Marks, is_it, meets};
+use super::table::has_failed;
 use super::verdict::{Finding, Verdict};
 use crate::case::{Answer, Concealed, Level};
 
@@ -25,7 +26,8 @@ pub(super) fn reasons(answer: &Answer, verdict: Option<&Verdict>) -> Vec<String>
 
 /// What a name that should not be there takes away, and how sure it is.
 fn weight(f: &Finding) -> String {
-    let gain = 1.0 - (f.after / f.before.max(1e-300)) * (f.after / f.before.max(1e-300));
+    let ratio = f.after / f.before.max(1e-300);
+    let gain = 1.0 - ratio * ratio;
     format!("{} takes away {:.1} % of the squared error, confidence {:.2}", f.effect, 100.0 * gain, f.confidence)
 }
 
@@ -99,15 +101,13 @@ fn kind(reason: &str) -> String {
 /// How often each reason was given, in Markdown: of effects that L0 to L4 conceal, below size 1.5 and from there on, then the others.
 pub(super) fn counted(marks: &[Marks]) -> String {
     let mut rows: BTreeMap<String, [usize; 4]> = BTreeMap::new();
-    for m in marks {
+    for m in marks.iter().filter(|m| has_failed(m)) {
         let column = match m.level {
             Level::L5 => 2,
             Level::L6 | Level::L7 => 3,
             _ => usize::from(m.size.is_some_and(|s| s >= 1.5)),
         };
-        // What a healthy robot is accused of counts by its name.
-        let failed = m.level < Level::L5 || m.is_alarm || m.is_impostor || (m.level == Level::L5 && !m.is_flagged);
-        for why in m.reasons.iter().filter(|_| failed) {
+        for why in &m.reasons {
             rows.entry(kind(why)).or_default()[column] += 1;
         }
     }

@@ -157,7 +157,7 @@ pub fn beside(marks: &[Marks], others: &[(String, Vec<Marks>)]) -> String {
 }
 
 /// Whether a case is to be listed: a miss, a false alarm, a false name, or only one of two effects.
-fn has_failed(m: &Marks) -> bool {
+pub(super) fn has_failed(m: &Marks) -> bool {
     match m.level {
         Level::L6 | Level::L7 => m.is_alarm || !m.ran,
         Level::L5 => !m.is_flagged || m.is_impostor,
