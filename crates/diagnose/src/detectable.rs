@@ -180,6 +180,8 @@ fn probes(work: &Work, c: &Candidate, v: &Variant) -> Vec<Probe> {
         ("friction_quadratic", [exponent, ..]) if (*exponent - 2.0).abs() > 1e-9 => Vec::new(),
         // A joint that gives very little before it slides looks like plain dry friction: no smallest stiffness can be told.
         ("friction_presliding", _) => Vec::new(),
+        // A spring that hardens is told from the straight one, and seen as that.
+        ("spring", [_, _, _]) => Vec::new(),
         // The parabola: c2·q² in Chebyshev polynomials of (q − middle)/half, its constant and line being anyone's.
         ("cable_force", [middle, half]) if v.n_own == 3 => {
             let direction = vec![middle * middle + 0.5 * half * half, 2.0 * middle * half, 0.5 * half * half];

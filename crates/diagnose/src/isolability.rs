@@ -211,7 +211,9 @@ fn shapes(work: &Work, candidate: usize) -> Vec<Block> {
     let c = &work.candidates[candidate];
     let free = work.every_model_has(work.softness);
     let found = work.picks.iter().find(|p| p.candidate == candidate).map(|p| &p.variant);
-    let all = c.variants.iter().filter(|v| v.softness.is_none_or(|w| w == work.softness));
+    // Of a spring the straight one: how much a real one hardens nobody knows before it is found.
+    let is_straight = |v: &&Variant| c.effect_name() != "spring" || v.values.len() == 1;
+    let all = c.variants.iter().filter(is_straight).filter(|v| v.softness.is_none_or(|w| w == work.softness));
     let variants: Vec<&Variant> = found.map_or_else(|| all.collect(), |v| vec![v]);
     variants.into_iter().map(|v| block(c, v, &free)).filter(|b| !b.own.is_empty()).collect()
 }

@@ -7,7 +7,7 @@
 //! every value that enters linearly of the other friction laws it names (Stribeck's two levels, friction by direction, by load). Friction
 //! of a passive joint reaches the drives through the reduction.
 
-use pkm_dyn::effects::{Applied, Energy, JointState, Law, Robot, Unit};
+use pkm_dyn::effects::{Applied, Energy, JointState, Law, Robot, Unit, bent_away};
 use pkm_dyn::inverse_dynamics::actuated_regressor;
 use pkm_dyn::loops::drive_reduction;
 use pkm_dyn::model::Joint;
@@ -281,8 +281,7 @@ impl Columns {
                 Quantity::Offset { joint } => (joint, 1.0),
                 Quantity::Stiffness { joint } => {
                     let [rest, curvature] = self.stated[c];
-                    let away = data.q[joint] - rest;
-                    (joint, if curvature > 0.0 { math::sin(curvature * away) / curvature } else { away })
+                    (joint, bent_away(data.q[joint] - rest, curvature))
                 }
                 Quantity::Wave { joint, part: Part::Sine } => (joint, math::sin(self.stated[c][0] * data.q[joint])),
                 Quantity::Wave { joint, part: Part::Cosine } => (joint, math::cos(self.stated[c][0] * data.q[joint])),

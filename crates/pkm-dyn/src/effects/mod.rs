@@ -44,6 +44,7 @@ mod torque_ripple;
 mod transmission_coupling;
 
 pub use applied::{Applied, EffectError, Robot};
+pub use spring::bent_away;
 
 use crate::model::{JointKind, Model};
 

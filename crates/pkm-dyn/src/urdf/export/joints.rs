@@ -30,15 +30,15 @@ impl JointPhysics {
             "friction_coulomb" => self.coulomb += p[0],
             "friction_passive" => (self.coulomb, self.viscous) = (self.coulomb + p[0], self.viscous + p[1]),
             "rotor_inertia" => self.armature += p[0],
-            "spring" if !is_on_a_lever(effect) => (self.stiffness, self.moment) = (self.stiffness + p[0], self.moment + p[0] * p[1]),
+            "spring" if !is_bent(effect) => (self.stiffness, self.moment) = (self.stiffness + p[0], self.moment + p[0] * p[1]),
             _ => {}
         }
     }
 }
 
 /// A spring whose effort is no straight line: other formats have none.
-fn is_on_a_lever(effect: &Applied) -> bool {
-    effect.entry.name == "spring" && effect.values[2] > 0.0
+fn is_bent(effect: &Applied) -> bool {
+    effect.entry.name == "spring" && effect.values[2].abs() > 0.0
 }
 
 /// Physics of joint `j` of the robot.
@@ -56,7 +56,7 @@ pub(super) fn left_out(robot: &Robot, also: &[&str]) -> Vec<String> {
     let is_known = |e: &Applied| {
         let is_summed = ["friction_viscous", "friction_coulomb", "friction_passive", "rotor_inertia", "spring"].contains(&e.entry.name);
         let is_in_the_model = e.entry.law.is_in_the_model();
-        (is_summed || is_in_the_model) && !also.contains(&e.entry.name) && !is_on_a_lever(e)
+        (is_summed || is_in_the_model) && !also.contains(&e.entry.name) && !is_bent(e)
     };
     let line = |e: &Applied| {
         format!("effect {} at {:?} is left out: the format has no place for it", e.entry.name, e.place_names(&robot.model).join(","))
