@@ -17,7 +17,7 @@ use crate::explain;
 use crate::final_fit::{FinalFit, errors, jackknife_half_width, left_as_given, noise_floor, pooled};
 use crate::isolability::isolability;
 use crate::leftover::{Views, unexplained};
-use crate::rank::{Step, rank, rank_what_helps};
+use crate::rank::{Claim, Step, rank, rank_what_helps};
 use crate::refine::{Parameters, container, refine};
 use crate::regimes;
 use crate::repeatable::look_for_a_person;
@@ -64,7 +64,7 @@ pub(crate) fn assemble(
     let judged = judge(work, &fin, &by_help, settings);
     let of = |pick: usize| judged.iter().find(|j| j.pick == pick);
     let sure: Vec<f64> = (0..work.picks.len()).map(|p| of(p).map_or(1.0, |j| j.sure)).collect();
-    let mut steps = rank(work, &sure);
+    let mut steps = rank(work, &Claim::of_picks(work, &sure));
     let order: Vec<&Judged> = steps.iter().filter_map(|s| of(s.pick?)).collect();
     // The chain was iterated since: the last step is the final model itself.
     if let Some(last) = steps.last_mut().filter(|s| s.pick.is_some()) {

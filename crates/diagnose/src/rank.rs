@@ -28,7 +28,7 @@ pub(crate) struct Step {
 /// true.
 pub(crate) fn rank_what_helps(work: &mut Work, band: f64, settings: &Settings) -> Vec<Step> {
     let rank = |work: &mut Work| {
-        let steps = rank(work, &vec![1.0; work.picks.len()]);
+        let steps = rank(work, &vec![Claim { sure: 1.0, is_shadow: false }; work.picks.len()]);
         refine_chain(work, band);
         steps
     };
@@ -53,9 +53,26 @@ fn helping(heldout: &[f64], floor: f64) -> usize {
     if last * last > (1.0 + floor) * least * least { best + 1 } else { heldout.len() }
 }
 
+/// What a pick has to say for itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Claim {
+    pub(crate) sure: f64,
+    /// Whether it may be the shadow of another pick: it goes after all that are not.
+    pub(crate) is_shadow: bool,
+}
+
+impl Claim {
+    /// Claims of all picks, by how `sure` they are. A robot whose masses, frictions and offsets were fitted to recordings with a law that it lacks has
+    /// wrong ones, and they move back beside the law: what such a fit can change is named after what it cannot.
+    pub(crate) fn of_picks(work: &Work, sure: &[f64]) -> Vec<Self> {
+        let claim = |(p, &sure): (&Pick, &f64)| Self { sure, is_shadow: work.candidates[p.candidate].effect.is_refittable() };
+        work.picks.iter().zip(sure).map(claim).collect()
+    }
+}
+
 /// Adds picks one by one, each time the one that may be expected to help most on blocks it was not fitted on: what it takes away there times how
-/// `sure` it is, by pick. Lags and delays compete as they were found. `work` is left as it was.
-pub(crate) fn rank(work: &mut Work, sure: &[f64]) -> Vec<Step> {
+/// sure it is; shadows come last. Lags and delays compete as they were found. `work` is left as it was.
+pub(crate) fn rank(work: &mut Work, claims: &[Claim]) -> Vec<Step> {
     let picks = work.picks.clone();
     let chain = work.design.chain.clone();
     let mut steps = vec![step(work, None, |view| left_as_given(work, &[], view))];
@@ -70,9 +87,9 @@ pub(crate) fn rank(work: &mut Work, sure: &[f64]) -> Vec<Step> {
     let mut now = trial(work, &taken);
     while !open.is_empty() {
         let errors: Vec<f64> = open.iter().map(|&i| trial(work, &[&taken[..], &groups[i][..]].concat())).collect();
-        let help = |&n: &usize| expected(now - errors[n], sure[open[n]]);
-        // The first of those that help alike.
-        let at = (0..open.len()).rev().max_by(|a, b| help(a).total_cmp(&help(b))).unwrap_or(0);
+        let help: Vec<(bool, f64)> =
+            open.iter().zip(&errors).map(|(&i, error)| (claims[i].is_shadow, expected(now - error, claims[i].sure))).collect();
+        let at = next(&help);
         now = errors[at];
         let lead = open.remove(at);
         taken.extend(&groups[lead]);
@@ -85,6 +102,12 @@ pub(crate) fn rank(work: &mut Work, sure: &[f64]) -> Vec<Step> {
     set_chain(work, chain);
     work.set_softness(work.softness);
     steps
+}
+
+/// The one that helps most of those that are no shadow, of shadows where there is nothing else; the first of those that help alike.
+fn next(help: &[(bool, f64)]) -> usize {
+    let better = |a: &(bool, f64), b: &(bool, f64)| b.0.cmp(&a.0).then(a.1.total_cmp(&b.1));
+    (0..help.len()).rev().max_by(|&a, &b| better(&help[a], &help[b])).unwrap_or(0)
 }
 
 /// What may be expected of a pick that takes away `taken` of the squared error: nobody loses less by doubting what makes it worse.
@@ -129,7 +152,14 @@ fn step(work: &Work, pick: Option<usize>, left: impl Fn(View) -> Vec<Vec<Vec<f64
 
 #[cfg(test)]
 mod tests {
-    use super::{expected, helping};
+    use super::{expected, helping, next};
+
+    #[test]
+    fn a_shadow_comes_after_what_may_cast_it_however_much_it_helps() {
+        assert_eq!(next(&[(true, 9.0), (false, 1.0), (false, 2.0)]), 2);
+        assert_eq!(next(&[(true, 9.0), (false, -1.0)]), 1);
+        assert_eq!(next(&[(true, 1.0), (true, 3.0), (true, 3.0)]), 1);
+    }
 
     #[test]
     fn doubt_makes_less_of_help_and_nothing_of_harm() {

@@ -17,6 +17,10 @@ impl Columns for Effect {
         Family::Shift
     }
 
+    fn is_refittable(&self) -> bool {
+        true
+    }
+
     fn axis(&self) -> Axis {
         Axis::Load
     }

@@ -278,6 +278,10 @@ pub(crate) trait Columns: Sync {
     fn is_of_the_effort_reading(&self, _shape: &[f64]) -> bool {
         false
     }
+    /// Whether a fit of the robot's own numbers can imitate it: frictions, offsets and masses that such a fit changes.
+    fn is_refittable(&self) -> bool {
+        self.family() == Family::Standard
+    }
     /// How long the shape with these values acts `[s]`; `None` acts all the time.
     fn lasts(&self, _shape: &[f64]) -> Option<f64> {
         None

@@ -14,6 +14,10 @@ impl Columns for Effect {
         Family::Shift
     }
 
+    fn is_refittable(&self) -> bool {
+        true
+    }
+
     fn axis(&self) -> Axis {
         Axis::Acceleration
     }
