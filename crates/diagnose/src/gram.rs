@@ -76,22 +76,16 @@ impl Gram {
 
     /// Products with `targets`.
     pub(crate) fn cross(&self, design: &Design, targets: &Targets) -> Cross {
-        let mut xy = Vec::new();
-        let mut yy = Vec::new();
-        for joints in &self.stacks {
-            let mut xy_fold = Vec::new();
-            let mut yy_fold = Vec::new();
-            for (j, stack) in joints.iter().enumerate() {
-                let y = Mat::from_fn(stack.at.len(), targets.len(), |i, b| {
-                    let (segment, row) = stack.at[i];
-                    design.weight[j] * targets[b][j][segment][row]
-                });
-                xy_fold.push(stack.x.transpose() * &y);
-                yy_fold.push((0..targets.len()).map(|b| y.col(b).iter().map(|v| v * v).sum()).collect());
-            }
-            xy.push(xy_fold);
-            yy.push(yy_fold);
-        }
+        let of_stack = |(j, stack): (usize, &Stack)| {
+            let y = Mat::from_fn(stack.at.len(), targets.len(), |i, b| {
+                let (segment, row) = stack.at[i];
+                design.weight[j] * targets[b][j][segment][row]
+            });
+            let yy: Vec<f64> = (0..targets.len()).map(|b| y.col(b).iter().map(|v| v * v).sum()).collect();
+            (stack.x.transpose() * &y, yy)
+        };
+        let of_joints = |joints: &Vec<Stack>| -> (Vec<Mat<f64>>, Vec<Vec<f64>>) { joints.iter().enumerate().map(of_stack).unzip() };
+        let (xy, yy): (Vec<_>, Vec<_>) = self.stacks.par_iter().map(of_joints).unzip();
         let xy_all = summed(&xy[..self.n_folds]);
         Cross { xy, xy_all, yy }
     }

@@ -6,7 +6,7 @@ use pkm_dyn::effects::{Robot, Site};
 use pkm_dyn::parameters::N_INERTIAL;
 use pkm_ident::filter::{advanced, derivative};
 
-use crate::columns::{self, Columns, Context, Family, Proposal, Shape, Source, StandardIds};
+use crate::columns::{self, Columns, Context, Family, Shape, Source, StandardIds};
 use crate::design::{ColumnId, Design, Fine, Make, View};
 use crate::extents::{extents, largest_widths, ranges};
 use crate::gram::{Gram, Targets};
@@ -466,36 +466,55 @@ fn standard_columns(design: &mut Design, motions: &[Motion], model: &Model, widt
 }
 
 fn register(ctx: &Context, design: &mut Design, motions: &[Motion], standard: &StandardIds, only: Option<&[&str]>) -> Vec<Candidate> {
-    let mut out = Vec::new();
-    for &effect in columns::ALL.iter().filter(|e| only.is_none_or(|names| names.contains(&e.entry().name))) {
-        for proposal in effect.propose(ctx) {
+    let effects = columns::ALL.iter().filter(|e| only.is_none_or(|names| names.contains(&e.entry().name)));
+    let proposals = effects.flat_map(|&effect| effect.propose(ctx).into_iter().map(move |p| (effect, p)));
+    // All columns are made at once, on every core.
+    let mut new = New { first: design.columns.len(), makes: Vec::new() };
+    let proposed: Vec<_> = proposals
+        .map(|(effect, p)| {
             let mut made = Vec::new();
-            let mut variants: Vec<Variant> = Vec::new();
-            for shape in proposal.shapes {
-                variants.push(variant(shape, design, motions, (standard, &mut made)));
-            }
-            variants.retain(|v| v.columns.iter().any(|&c| design.joints_of(c).next().is_some()));
-            if !variants.is_empty() || effect.family() == Family::Chain {
-                let Proposal { place, site, other, name, mut scope, .. } = proposal;
-                if design.is_shared() && scope.iter().any(|&j| j < design.n_drives) {
-                    // The drive itself stays first.
-                    let rest: Vec<usize> = (0..design.n_drives).filter(|j| !scope.contains(j)).collect();
-                    scope.extend(rest);
-                }
-                out.push(Candidate { effect, place, site, other, name, scope, variants });
-            }
+            let variants: Vec<Variant> = p.shapes.into_iter().map(|shape| variant(shape, standard, (&mut new, &mut made))).collect();
+            (Candidate { effect, place: p.place, site: p.site, other: p.other, name: p.name, scope: p.scope, variants }, effect.family())
+        })
+        .collect();
+    design.push(motions, new.makes);
+    let acts = |v: &Variant| v.columns.iter().any(|&c| design.joints_of(c).next().is_some());
+    let mut out: Vec<Candidate> = Vec::new();
+    for (mut c, family) in proposed {
+        c.variants.retain(acts);
+        if c.variants.is_empty() && family != Family::Chain {
+            continue;
         }
+        if design.is_shared() && c.scope.iter().any(|&j| j < design.n_drives) {
+            // The drive itself stays first.
+            let rest: Vec<usize> = (0..design.n_drives).filter(|j| !c.scope.contains(j)).collect();
+            c.scope.extend(rest);
+        }
+        out.push(c);
     }
     out
 }
 
+/// Columns to come, in the order of their ids.
+struct New {
+    first: ColumnId,
+    makes: Vec<Make>,
+}
+
+impl New {
+    fn add(&mut self, make: Make) -> ColumnId {
+        self.makes.push(make);
+        self.first + self.makes.len() - 1
+    }
+}
+
 /// `made` holds the new columns of the candidate's earlier shapes.
-fn variant(shape: Shape, design: &mut Design, motions: &[Motion], (standard, made): (&StandardIds, &mut Vec<ColumnId>)) -> Variant {
+fn variant(shape: Shape, standard: &StandardIds, (new, made): (&mut New, &mut Vec<ColumnId>)) -> Variant {
     let mut columns = Vec::new();
     for source in shape.sources {
         columns.push(match source {
             Source::New(f) => {
-                made.push(design.push(motions, vec![f])[0]);
+                made.push(new.add(f));
                 made[made.len() - 1]
             }
             Source::Again(i) => made[i],
