@@ -180,7 +180,7 @@ fn probes(work: &Work, c: &Candidate, v: &Variant) -> Vec<Probe> {
         ("friction_quadratic", [exponent, ..]) if (*exponent - 2.0).abs() > 1e-9 => Vec::new(),
         // A joint that gives very little before it slides looks like plain dry friction: no smallest stiffness can be told.
         ("friction_presliding", _) => Vec::new(),
-        // A spring that hardens is told from the straight one, and seen as that.
+        // A spring that hardens is seen where a straight one is: the smallest size is that one's.
         ("spring", [_, _, _]) => Vec::new(),
         // The parabola: c2·q² in Chebyshev polynomials of (q − middle)/half, its constant and line being anyone's.
         ("cable_force", [middle, half]) if v.n_own == 3 => {

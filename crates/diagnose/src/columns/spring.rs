@@ -1,5 +1,5 @@
 //! A spring at a drive: a straight line in its position; at a revolute joint the sine of its angle, as a spring on a lever pulls; or the
-//! hyperbolic sine of the way from its rest, as one does that hardens. A cable's pull has no such form: it falls somewhere on the stroke.
+//! hyperbolic sine of the way from its rest, as one does that hardens. A cable that only pulls harder along the stroke looks like that one.
 
 use pkm_dyn::math;
 use pkm_dyn::model::JointKind;
@@ -91,7 +91,7 @@ mod tests {
         let [curvature, middle, half] = shape.values[..] else { panic!("{:?}", shape.values) };
         assert!((curvature * half + 1.2).abs() < 1e-9, "{curvature} over {half}");
         let (stiffness, rest) = (50.0, middle + 0.3 * half);
-        // The law at two positions determines both coefficients.
+        // sinh(c·(q − rest)) about the middle, by the addition theorem.
         let away = curvature.abs() * (middle - rest);
         let size = stiffness / curvature.abs();
         let own = [size * math::cosh(away), size * math::sinh(away)];
