@@ -7,6 +7,7 @@ use crate::menu::Fact;
 use crate::plant::Plant;
 use crate::random::Stream;
 use crate::reference::{Path, Reference, STEP, drive_ratio};
+use crate::residual::FADES;
 use crate::robot::{Robot, RobotError};
 
 /// Every fourth step is recorded: 250 samples per second.
@@ -59,7 +60,7 @@ impl Base {
     /// A robot that cannot be read or does not assemble.
     pub fn new(wish: &Wish) -> Result<Self, RobotError> {
         let mut random = Stream::new(wish.seed, wish.number, "base");
-        let plant = Plant::new(Robot::shipped(&wish.robot)?)?;
+        let mut plant = Plant::new(Robot::shipped(&wish.robot)?)?;
         let mut truth = plant.robot.clone();
         if wish.level.has_decoys() {
             for j in &mut truth.joints {
@@ -69,6 +70,7 @@ impl Base {
             }
         }
         let machine = healthy(plant.weighing(truth), wish, &mut random)?;
+        plant.robot.drives.iter().zip(&machine.friction).for_each(|(d, f)| plant.turns[d.joint] = Some(f.dry));
         // Rotations of a foot are slow: speeds of the legs are limited.
         let pace = if ["ups4", "motobotte"].contains(&wish.robot.as_str()) { 2.0 } else { 1.0 };
         Ok(Self { room: room(&wish.robot, &plant), plant, machine, pace })
@@ -186,7 +188,7 @@ fn passive(plant: &Plant) -> Vec<Resistance> {
     let is_driven = |i: usize| plant.robot.drives.iter().any(|d| d.joint == i);
     let mut out = Vec::new();
     for (joint, j) in plant.robot.joints.iter().enumerate().filter(|(i, _)| !is_driven(*i)) {
-        for (law, size) in [(Resist::Viscous, j.viscous), (Resist::Coulomb { speed: 0.01 * j.speed }, j.coulomb)] {
+        for (law, size) in [(Resist::Viscous, j.viscous), (Resist::Coulomb { speed: FADES * j.speed }, j.coulomb)] {
             if size > 0.0 {
                 out.push(Resistance { joint, other: joint, law, size });
             }

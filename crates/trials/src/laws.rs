@@ -26,6 +26,26 @@ pub enum Dry {
     },
 }
 
+impl Dry {
+    /// Share of the friction that acts at steady speed `v`, with its sign; bristles have long slipped by then.
+    #[must_use]
+    pub fn direction(self, v: f64) -> f64 {
+        match self {
+            Self::Bristles { .. } => {
+                if v > 0.0 {
+                    1.0
+                } else if v < 0.0 {
+                    -1.0
+                } else {
+                    0.0
+                }
+            }
+            Self::Band { speed } => (v / speed).clamp(-1.0, 1.0),
+            Self::Root { speed } => v / (v * v * v * v + speed * speed * speed * speed).sqrt().sqrt(),
+        }
+    }
+}
+
 /// Friction of one drive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Friction {
@@ -53,8 +73,7 @@ impl Friction {
         let dry = match self.dry {
             _ if level <= 0.0 => 0.0,
             Dry::Bristles { reach, damping } => self.coulomb / reach * z + damping * (v - v.abs() * z * self.coulomb / (reach * level)),
-            Dry::Band { speed } => level * (v / speed).clamp(-1.0, 1.0),
-            Dry::Root { speed } => level * v / (v * v * v * v + speed * speed * speed * speed).sqrt().sqrt(),
+            steady @ (Dry::Band { .. } | Dry::Root { .. }) => level * steady.direction(v),
         };
         dry + self.viscous * v
     }

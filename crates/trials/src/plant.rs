@@ -5,6 +5,7 @@
 
 use nalgebra::{DMatrix, DVector, Dyn, LU, Matrix3, Rotation3, Unit, Vector3};
 
+use crate::laws::Dry;
 use crate::math;
 use crate::robot::{Inertia, Motion, Robot, RobotError};
 
@@ -27,6 +28,8 @@ pub struct Plant {
     pub rotors: Vec<f64>,
     /// A closed pose to start from.
     pub home: Vec<f64>,
+    /// How dry friction of each joint turns over with its direction, for whoever fits it; `None` where that fades below a share of the highest speed.
+    pub turns: Vec<Option<Dry>>,
     /// For each joint, whether it moves each link.
     moves: Vec<Vec<bool>>,
 }
@@ -77,7 +80,7 @@ impl Plant {
             rotors[d.joint] = d.rotor;
         }
         let home = robot.assembly.clone();
-        let mut plant = Self { robot, free: Vec::new(), bound: Vec::new(), rotors, home, moves };
+        let mut plant = Self { robot, free: Vec::new(), bound: Vec::new(), rotors, home, turns: vec![None; n], moves };
         plant.assemble()?;
         plant.choose_coordinates()?;
         Ok(plant)

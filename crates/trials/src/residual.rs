@@ -27,6 +27,8 @@ pub struct Residual {
     pub rows: Vec<DVector<f64>>,
     /// Motion of the nominal robot at the rows.
     pub motion: Vec<(Moving, DVector<f64>)>,
+    /// Whether each drive stands or turns round within the filter's reach of the row: dry friction is then whatever holds it.
+    pub still: Vec<Vec<bool>>,
 }
 
 /// A Gaussian low-pass; at both ends of a series the kernel is cut.
@@ -75,9 +77,15 @@ fn derivative(x: &[f64], dt: f64) -> Vec<f64> {
     (0..n).map(at).collect()
 }
 
-/// Speed below which a sign is smoothed: a hundredth of the joint's highest speed.
-fn soft(plant: &Plant, joint: usize) -> f64 {
-    0.003 * plant.robot.joints[joint].speed
+/// Speed at which friction of a joint without a drive has turned over, as a share of the joint's highest.
+pub(crate) const FADES: f64 = 0.01;
+
+/// Share of a joint's dry friction that acts at speed `v`, with its sign.
+///
+/// It turns over as the true robot's does: a fit whose sign is softer or sharper puts the difference into damping, and the robot that it hands over is then
+/// wrong in numbers that nobody meant to conceal.
+fn direction(plant: &Plant, joint: usize, v: f64) -> f64 {
+    plant.turns[joint].map_or_else(|| tanh(v / (FADES * plant.robot.joints[joint].speed)), |dry| dry.direction(v))
 }
 
 /// Force of the nominal friction on the free coordinates.
@@ -85,7 +93,7 @@ fn friction(plant: &Plant, m: &Moving) -> DVector<f64> {
     let mut tree = DVector::zeros(m.velocity.len());
     for (i, j) in plant.robot.joints.iter().enumerate() {
         let v = m.velocity[i];
-        tree[i] = j.viscous * v + j.coulomb * tanh(v / soft(plant, i));
+        tree[i] = j.viscous * v + j.coulomb * direction(plant, i, v);
     }
     m.ratio.tr_mul(&tree)
 }
@@ -145,7 +153,9 @@ pub fn residual(plant: &Plant, trace: &Trace, recording: &Recording, band: f64) 
     let dt = recording.t[1] - recording.t[0];
     let mut left: Vec<Vec<f64>> = vec![Vec::with_capacity(n); d];
     let mut motion = Vec::new();
+    let mut speed = vec![Vec::with_capacity(n); plant.robot.drives.len()];
     walk(plant, (trace, recording), band, |i, m, a| {
+        plant.robot.drives.iter().zip(&mut speed).for_each(|(d, speed)| speed.push(m.velocity[d.joint]));
         let measured = drive_ratio(plant, &m).tr_mul(&DVector::from_column_slice(&recording.tau[i]));
         let rest = measured - &m.mass * &a - &m.bias - friction(plant, &m);
         left.iter_mut().zip(rest.iter()).for_each(|(x, r)| x.push(*r));
@@ -156,7 +166,21 @@ pub fn residual(plant: &Plant, trace: &Trace, recording: &Recording, band: f64) 
     // Effort and model go through one filter: signs of velocities are then as soft on one side as on the other.
     let smoother = Smoother::new(dt, band);
     let row = |i: usize| DVector::from_iterator(d, left.iter().map(|x| smoother.at(x, i)));
-    Ok(Residual { rows: (0..n).filter(|i| is_row(*i, n, dt, band)).map(row).collect(), motion })
+    let slow: Vec<Vec<bool>> = speed.iter().map(|v| slow(v)).collect();
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few samples")]
+    let reach = (0.5 / (band * dt)).ceil() as usize;
+    let near = |i: usize| slow.iter().map(|s| s[i.saturating_sub(reach)..(i + reach + 1).min(n)].contains(&true)).collect();
+    let rows: Vec<usize> = (0..n).filter(|i| is_row(*i, n, dt, band)).collect();
+    Ok(Residual { rows: rows.iter().map(|&i| row(i)).collect(), motion, still: rows.into_iter().map(near).collect() })
+}
+
+/// Speed at which a drive stands, as a share of the root mean square of its speed.
+const STANDS: f64 = 0.02;
+
+/// At which samples a drive stands or turns round.
+fn slow(speed: &[f64]) -> Vec<bool> {
+    let rms = (speed.iter().map(|v| v * v).sum::<f64>() / speed.len().max(1) as f64).sqrt();
+    speed.iter().map(|v| v.abs() <= STANDS * rms).collect()
 }
 
 impl Residual {
@@ -199,7 +223,7 @@ fn basis_row(plant: &Plant, m: &Moving, a: &DVector<f64>) -> DMatrix<f64> {
             columns.push(&through * v);
         }
         if j.coulomb > 0.0 {
-            columns.push(&through * tanh(v / soft(plant, d.joint)));
+            columns.push(&through * direction(plant, d.joint, v));
         }
     }
     DMatrix::from_columns(&columns)
