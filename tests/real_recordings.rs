@@ -130,19 +130,15 @@ fn dvrk_spring_on_the_wrist_is_named_and_halves_what_is_left() {
     // Wang, Gondokaryono, Munawar, Fischer 2019: the wrist carries a spring on a lever. A wrong gain of the drive is no answer to it.
     assert!(found(&v, "spring", "wrist_pitch").is_some(), "{}", v.says);
     assert!(found(&v, "torque_constant", "wrist_pitch").is_none(), "{}", v.says);
+    assert_cable(&v);
     let wrist = v.heldout.joints.iter().find(|j| j.joint == "wrist_pitch").expect("every drive is judged");
-    // Published with the spring: 19.6 %; without it: 83 %.
-    assert!(wrist.rms_final < 0.26 * wrist.rms_tau, "{} of {}", wrist.rms_final, wrist.rms_tau);
-    assert_cable_and_mean(&v);
+    // Published below 1.8 Hz: 19.6 % with the spring, 83 % without it; here more is compared, and friction alone is the refit.
+    assert!(wrist.rms_final < 0.5 * wrist.rms_refit, "{} of {}", wrist.rms_final, wrist.rms_refit);
 }
 
-/// The cable bundle that turns with the platform is a force along its drive's stroke; and the mean over the joints is what the source leaves
-/// with spring and cable, 19.8 to 20.8 %, and not what friction alone leaves, 36.2 %.
-fn assert_cable_and_mean(v: &Verdict) {
+/// The cable bundle that turns with the platform is a force along its drive's stroke.
+fn assert_cable(v: &Verdict) {
     assert!(may_be(v, &["cable_force", "spring"], "platform_drive").is_some(), "{}", v.says);
-    let joints = &v.heldout.joints;
-    let mean = joints.iter().map(|j| j.rms_final / j.rms_tau).sum::<f64>() / joints.len() as f64;
-    assert!(mean < 0.24, "{mean} is left in the mean over the joints");
 }
 
 /// The finding that is one of the names at the place, or says that it cannot be told from it.
@@ -178,10 +174,15 @@ fn listed(folder: &str) -> Option<Listed> {
 }
 
 #[test]
-fn dvrk_cable_torque_and_spring_are_placed_in_the_published_band() {
-    let Some(v) = is_long().then(|| listed("dvrk_mtm")).flatten().map(|l| l.verdict()) else { return };
-    assert!(may_be(&v, &["spring"], "wrist_pitch").is_some(), "{}", v.says);
-    assert_cable_and_mean(&v);
+fn dvrk_forces_along_the_strokes_explain_in_the_published_band_what_the_source_explains() {
+    let Some(v) = listed("dvrk_mtm").map(|l| l.verdict()) else { return };
+    // So low a band has less of the lever's bend than of its slope: a cable's polynomial is as good as the spring.
+    assert!(may_be(&v, &["spring", "cable_force"], "wrist_pitch").is_some(), "{}", v.says);
+    assert_cable(&v);
+    // The mean over the joints is what the source leaves with spring and cable, 19.8 to 20.8 %, and not what friction alone leaves, 36.2 %.
+    let joints = &v.heldout.joints;
+    let mean = joints.iter().map(|j| j.rms_final / j.rms_tau).sum::<f64>() / joints.len() as f64;
+    assert!(mean < 0.22, "{mean} is left in the mean over the joints");
 }
 
 #[test]

@@ -21,10 +21,17 @@ pub(crate) fn confirm(work: &mut Work, band: f64, settings: &Settings, level: f6
         work.picks[i].p_confirm = p;
         let c = &work.candidates[work.picks[i].candidate];
         tracing::debug!(effect = c.effect_name(), place = c.name, gain, p, level, "on held-out rows");
-        if (p > level || *gain <= 0.0) && !stays_in_fitted_only(work, i, settings) {
+        if (p > level || *gain <= least(work, i, settings)) && !stays_in_fitted_only(work, i, settings) {
             drop_pick(work, i, band);
         }
     }
+}
+
+/// Held-out gain that a pick must have. Structure was asked for what is worth a name there when it was found; a number of the robot's own that moved is
+/// asked now, for a fit of it on some motions is always a little better on these.
+fn least(work: &Work, pick: usize, settings: &Settings) -> f64 {
+    let p = &work.picks[pick];
+    if work.candidates[p.candidate].effect.is_refittable() { settings.floor_of(p.variant.n_own) } else { 0.0 }
 }
 
 /// Puts the shape in place that did not act in recordings that are only judged on, where a pick has one and the search alone is sure enough.
@@ -49,14 +56,20 @@ pub(crate) fn p_value(search: f64, confirm: f64, settings: &Settings) -> f64 {
 /// somebody's arm need not come back in another recording. Nothing confirms it then, and its p-value says so.
 pub(crate) fn fitted_only(work: &Work, p: &Pick, settings: &Settings) -> Option<Pick> {
     let c = &work.candidates[p.candidate];
-    if c.effect_name() != "external_force" || p_value(p.p_search, 1.0, settings) > settings.confirm_level {
+    let is_sure = |p_search: f64| p_value(p_search, 1.0, settings) <= settings.confirm_level;
+    if c.effect_name() != "external_force" || !is_sure(p.p_search) {
         return None;
     }
     let values = in_fitted_only(&p.variant.values)?;
+    // The search took the window as given. Who looks for one finds one, and no other recording speaks against it.
+    let p_search = p.p_search.max(work.chance_of_push(p.candidate, settings));
+    if !is_sure(p_search) {
+        return None;
+    }
     let distance = |v: &crate::work::Variant| (v.values[0] - values[0]).abs() + (v.values[1] - values[1]).abs();
     let twins = c.variants.iter().filter(|v| v.values[2] >= values[2]);
     let variant = twins.min_by(|a, b| distance(a).total_cmp(&distance(b)))?.clone();
-    Some(Pick { variant, p_confirm: 1.0, ..p.clone() })
+    Some(Pick { variant, p_search, p_confirm: 1.0, ..p.clone() })
 }
 
 /// A pick's held-out gain, and what it gains in each null run; `None` where it has no column of its own.

@@ -115,7 +115,7 @@ pub(crate) fn contest(work: &Work, pool: &[usize], grounds: &[Ground], null_left
 ///
 /// A share ends at one. Where what is left is slow, chance alone takes away half of it now and then, and the whole of it would be no
 /// surprise; the ratio of errors has no such end.
-fn log_ratio(gain: f64) -> f64 {
+pub(crate) fn log_ratio(gain: f64) -> f64 {
     -pkm_dyn::math::ln((1.0 - gain).max(1e-12))
 }
 
@@ -195,16 +195,16 @@ impl Arena<'_> {
             }
             let each = |part: &Vec<usize>| screen::gains_each(&self.work.gram, self.cross, &self.bases[i], &sets, part);
             let gains: Vec<Vec<Gains>> = parts.iter().map(each).collect();
-            for (n, (shape, set)) in shapes.iter().zip(&sets).enumerate() {
+            for (n, shape) in shapes.iter().enumerate() {
                 let there: Vec<(&[usize], &Gains)> = parts.iter().zip(&gains).map(|(part, g)| (part.as_slice(), &g[n])).collect();
-                out.extend(self.numbers(shape, &set.columns, &there).map(|(trial, nulls)| (shape.candidate, trial, nulls)));
+                out.extend(self.numbers(shape, &there).map(|(trial, nulls)| (shape.candidate, trial, nulls)));
             }
         }
         out
     }
 
     /// A shape's numbers on the recording and its gain in every null run; `parts` are rows of one kind each, and what it gains there.
-    fn numbers(&self, shape: &Shape, own: &[ColumnId], parts: &[(&[usize], &Gains)]) -> Option<(Trial, Vec<f64>)> {
+    fn numbers(&self, shape: &Shape, parts: &[(&[usize], &Gains)]) -> Option<(Trial, Vec<f64>)> {
         let i = shape.ground;
         let (base, best_base, n_real) = (&self.bases[i], &self.bases[self.best_ground], self.grounds.len());
         // Squared error that is taken away from some rows, between a target before and one after, as a share of what was there.
@@ -216,10 +216,11 @@ impl Arena<'_> {
             each.fold(f64::NEG_INFINITY, f64::max)
         };
         let nulls = (0..self.null_best.len()).map(|b| share(&self.bases[self.null_best[b]], [n_real + b; 2])).collect();
-        let all = &parts.first()?.1.all;
+        let Gains { all, due, .. } = parts.first()?.1;
         let taken = best_base.total(self.best_ground) - base.total(i) + all.iter().map(|f| f[i]).sum::<f64>();
         let taken_from_fold = |f: usize| fold_taken(self.bases, self.best_ground, i, f) + all[f][i];
-        let tally = tally(&self.work.gram, own, &taken_from_fold);
+        let folds = 0..self.work.gram.n_folds;
+        let tally = tally(&folds.clone().map(|f| due[f][i]).collect::<Vec<_>>(), &folds.map(taken_from_fold).collect::<Vec<_>>());
         let gain = share(best_base, [self.best_ground, i]);
         Some((Trial { variant: shape.variant.clone(), ground: i, taken, gain, tally }, nulls))
     }

@@ -6,7 +6,7 @@ use pkm_dyn::math;
 use crate::held::Held;
 use crate::motion::{Motion, soft_sign, softness_widths};
 use crate::sharing;
-use crate::shift;
+use crate::shift::{self, FrictionOf};
 
 /// A tree joint along a segment.
 struct Track<'m> {
@@ -55,8 +55,10 @@ fn give_way(robot: &Robot, motion: &mut Motion) {
     for e in &robot.effects {
         let drive = robot.model.actuators.iter().position(|&j| e.is_at_joint(j));
         match (e.entry.law, drive) {
-            (Law::Transmission(Transmission::Spring), Some(k)) => added.push((1.0 / e.values[0], shift::of_compliance(motion, k))),
-            (Law::Transmission(Transmission::Play), Some(k)) => added.push((e.values[0], shift::of_play(motion, k))),
+            (Law::Transmission(Transmission::Spring), Some(k)) => {
+                added.push((1.0 / e.values[0], shift::of_compliance(motion, k, FrictionOf::Load)));
+            }
+            (Law::Transmission(Transmission::Play), Some(k)) => added.push((e.values[0], shift::of_play(motion, k, FrictionOf::Load))),
             (Law::Structure, _) if robot.model.links[e.place].body.is_none() => {
                 added.push((1.0 / e.values[0], shift::of_mounting(motion)));
             }

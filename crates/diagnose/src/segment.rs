@@ -14,7 +14,7 @@ use pkm_ident::{Recording, spectrum};
 
 use crate::channels::{self, Kind};
 use crate::error::InputError;
-use crate::settings::{HARMONICS, MIN_SAMPLES};
+use crate::settings::{FEWEST_HARMONICS, HARMONICS, LUMPED_HZ, MIN_SAMPLES};
 use crate::shelf::Shelf;
 use crate::verdict::Use;
 
@@ -116,7 +116,8 @@ fn is_taken_into_account(law: &Law) -> bool {
         || matches!(law, Law::EffortLimit | Law::EffortDeadZone | Law::CommandShare | Law::Person)
 }
 
-/// Five harmonics of the fastest motion: each joint's in the fitted recording in which it is fastest, the median over joints.
+/// Seven harmonics of the fastest motion, or five where they reach above what lumped models hold for: each joint's motion in the fitted recording
+/// in which it is fastest, the median over joints.
 fn choose_band(raws: &[Raw], recordings: &[(&Recording, Use)]) -> f64 {
     let fitted: Vec<&Raw> = raws.iter().zip(recordings).filter(|(_, (_, used))| *used != Use::Holdout).map(|(raw, _)| raw).collect();
     let joints = 0..fitted.first().map_or(0, |raw| raw.q.len());
@@ -125,7 +126,7 @@ fn choose_band(raws: &[Raw], recordings: &[(&Recording, Use)]) -> f64 {
     let mut f: Vec<f64> = bandwidths.filter(|f| *f > 0.0).collect();
     f.sort_by(f64::total_cmp);
     // The lower median: a joint that hunts on its encoder's last bit looks fast and is not.
-    f.get(f.len().saturating_sub(1) / 2).map_or(1.0, |f| HARMONICS * f)
+    f.get(f.len().saturating_sub(1) / 2).map_or(1.0, |f| (HARMONICS * f).min(LUMPED_HZ).max(FEWEST_HARMONICS * f))
 }
 
 /// Root mean square of a joint's velocity from sample to sample `[m/s | rad/s]`.

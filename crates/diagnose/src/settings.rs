@@ -91,9 +91,16 @@ impl Default for Settings {
 /// Bytes of series that stay in memory: half a gigabyte, more than ten minutes at 1 kHz need.
 const ROOM: usize = 1 << 29;
 
-/// Harmonics of the fastest motion that the band keeps: dry friction answers a sine with its odd harmonics, the fifth has a fifth of
-/// the first's size.
-pub(crate) const HARMONICS: f64 = 5.0;
+/// Harmonics of the fastest motion that the band keeps: dry friction answers a sine with its odd harmonics, and the seventh still has a seventh of
+/// the first's size. What delays, soft transmissions and screws that are not round do shows above what friction leaves unexplained, which is slow.
+pub(crate) const HARMONICS: f64 = 7.0;
+
+/// Above it `[Hz]` frames and drives swing in ways that no model of rigid links with one spring here and there has, and small servos are compared no
+/// higher: up to there all [`HARMONICS`] are kept, beyond it no more than the [`FEWEST_HARMONICS`] without which friction is not told from damping.
+pub(crate) const LUMPED_HZ: f64 = 12.0;
+
+/// Harmonics that are kept of a motion however fast it is.
+pub(crate) const FEWEST_HARMONICS: f64 = 5.0;
 
 /// Blocks a recording is cut into; without a separate hold-out every second one is held out.
 pub(crate) const BLOCKS: usize = 10;

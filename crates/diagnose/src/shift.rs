@@ -40,15 +40,34 @@ pub(crate) fn of_load(m: &Motion, j: usize, e: &[f64]) -> Vec<Vec<f64>> {
     out
 }
 
+/// On which side of its transmission a drive's friction acts: in the bearings and guides of the load, or in motor and gearing, where it never
+/// passes through what gives way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum FrictionOf {
+    Load,
+    Motor,
+}
+
+/// Both sides.
+pub(crate) const EITHER_SIDE: [FrictionOf; 2] = [FrictionOf::Load, FrictionOf::Motor];
+
+/// Effort that passes through drive `j`'s transmission, the rotor's own inertia left out: [sample].
+pub(crate) fn passing(m: &Motion, j: usize, friction: FrictionOf) -> Vec<f64> {
+    match friction {
+        FrictionOf::Load => m.transmitted[j].clone(),
+        FrictionOf::Motor => m.rigid[j].iter().zip(&m.segment.a[j]).map(|(t, a)| t - m.rotor[j] * a).collect(),
+    }
+}
+
 /// Per unit of compliance of drive `j`'s transmission: the load stays behind by the effort that passes.
-pub(crate) fn of_compliance(m: &Motion, j: usize) -> Vec<Vec<f64>> {
-    let behind: Vec<f64> = m.transmitted[j].iter().map(|t| -t).collect();
+pub(crate) fn of_compliance(m: &Motion, j: usize, friction: FrictionOf) -> Vec<Vec<f64>> {
+    let behind: Vec<f64> = passing(m, j, friction).iter().map(|t| -t).collect();
     of_load(m, j, &behind)
 }
 
 /// Per unit of gap of drive `j`'s transmission: the load rests on one end of the play, on the side that passes the effort.
-pub(crate) fn of_play(m: &Motion, j: usize) -> Vec<Vec<f64>> {
-    let behind: Vec<f64> = side(&m.transmitted[j]).iter().map(|s| -0.5 * s).collect();
+pub(crate) fn of_play(m: &Motion, j: usize, friction: FrictionOf) -> Vec<Vec<f64>> {
+    let behind: Vec<f64> = side(&passing(m, j, friction)).iter().map(|s| -0.5 * s).collect();
     of_load(m, j, &behind)
 }
 
@@ -183,10 +202,21 @@ mod tests {
                 -slope * passes[i] - MASS * LENGTH * LENGTH * second[i]
             })
             .collect();
-        assert_close("compliance", &of_compliance(&m, 0)[0], &want, 2e-3);
+        assert_close("compliance", &of_compliance(&m, 0, FrictionOf::Load)[0], &want, 2e-3);
         // Play of one unit: half of it, to the side that the effort pushes; here the weight always pushes one way.
         let sides = side(&m.transmitted[0]);
         assert!(sides.iter().all(|s| *s < -0.9), "{sides:?}");
+    }
+
+    #[test]
+    fn friction_of_the_motor_does_not_pass_through_the_transmission() {
+        let mut model = arms(&[JointKind::Prismatic]);
+        let joint = model.actuators[0];
+        model.joints[joint].viscous = 7.0;
+        let (q, v, a) = (series(|t| t * t), series(|t| 2.0 * t), series(|_| 2.0));
+        let m = motion_of(model, vec![q], vec![v], vec![a]);
+        assert_close("of the motor", &passing(&m, 0, FrictionOf::Motor), &[2.0 * MASS; N], 1e-9);
+        assert_close("of the load", &passing(&m, 0, FrictionOf::Load), &series(|t| 2.0 * MASS + 14.0 * t), 1e-9);
     }
 
     #[test]

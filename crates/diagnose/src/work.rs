@@ -12,9 +12,10 @@ use crate::extents::{extents, largest_widths, ranges};
 use crate::gram::{Gram, Targets};
 use crate::motion::Motion;
 use crate::screen;
-use crate::settings::SOFTNESS;
+use crate::settings::{SOFTNESS, Settings};
 use crate::shelf::{Stored, Tape};
 use crate::solve::Over;
+use crate::window::{Place, Scan};
 
 /// Positions are known this much better than efforts: what is worth a name there is smaller by this share.
 const POSITION_WORTH: f64 = 0.1;
@@ -100,6 +101,8 @@ pub(crate) struct Work<'w> {
     pub(crate) missing: Vec<f64>,
     /// Whether inertias, frictions and offsets are fitted along with the picks, unnamed: a refit of them had taken up what the picks explain.
     pub(crate) is_refitted: bool,
+    /// The fitted recordings as pushes are looked for in them.
+    pushes: Option<Scan>,
     /// Weighted squared measured effort of each joint over the rows that are fitted.
     effort: Vec<f64>,
     /// Widths over which directions of motion are smoothed: [softness][tree joint].
@@ -139,6 +142,7 @@ impl<'w> Work<'w> {
         let ctx = Context { model, widths, top_speed, travel, range: &range, motions, band, massive };
         let candidates = register(&ctx, &mut design, motions, &standard, only);
         let rigid_spread = massive.iter().flat_map(|&l| columns::inertia_error::spread(&model.links[l].parameters)).collect();
+        let pushes = Scan::of(motions);
         made_from.iter_mut().for_each(Motion::shed);
         let motions = &*made_from;
         let gram = Gram::new(&design);
@@ -156,6 +160,7 @@ impl<'w> Work<'w> {
             kappa: 0.0,
             missing: vec![0.0; model.n_act()],
             is_refitted: false,
+            pushes,
             effort: Vec::new(),
             widths: widths.clone(),
         }
@@ -438,6 +443,15 @@ impl<'w> Work<'w> {
         let c = &self.candidates[candidate];
         let is_one_joint = c.site == Site::Joint && c.other.is_none();
         self.robot.model.actuators.iter().position(|&j| is_one_joint && j == c.place)
+    }
+}
+
+impl Work<'_> {
+    /// Chance that something looks as pushed as where a candidate is somewhere at some time, where nothing pushes.
+    pub(crate) fn chance_of_push(&self, candidate: usize, settings: &Settings) -> f64 {
+        let c = &self.candidates[candidate];
+        let place = self.drive(candidate).map_or(Place::Link(c.place), Place::Drive);
+        self.pushes.as_ref().map_or(1.0, |scan| scan.chance(place, settings))
     }
 }
 

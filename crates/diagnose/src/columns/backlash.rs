@@ -1,7 +1,7 @@
 //! Play: the load rests on the end of the gap that passes the effort, so it is half a gap to one side or the other of the motor.
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, global};
-use crate::shift;
+use crate::shift::{self, FrictionOf};
 
 /// Share of the samples in which the effort must pass each way: without a change of sign, play is a constant offset of the position.
 const EACH_WAY: f64 = 0.05;
@@ -23,14 +23,16 @@ impl Columns for Effect {
     }
 
     fn propose(&self, ctx: &Context) -> Vec<Proposal> {
-        let changes_sign = |k: &usize| {
-            let efforts = || ctx.motions.iter().flat_map(|m| &m.transmitted[*k]);
-            let (n, pushes) = (efforts().count(), efforts().filter(|t| **t > 0.0).count());
-            let share = pushes as f64 / n.max(1) as f64;
+        let changes_sign = |k: usize, side: FrictionOf| {
+            let efforts: Vec<f64> = ctx.motions.iter().flat_map(|m| shift::passing(m, k, side)).collect();
+            let share = efforts.iter().filter(|t| **t > 0.0).count() as f64 / efforts.len().max(1) as f64;
             share > EACH_WAY && share < 1.0 - EACH_WAY
         };
-        let shape = |k| Shape::free(vec![global(move |m| shift::of_play(m, k))]);
-        (0..ctx.model.n_act()).filter(changes_sign).map(|k| Proposal::of_all(ctx, k, vec![shape(k)])).collect()
+        let shape = |k, side| Shape::free(vec![global(move |m| shift::of_play(m, k, side))]);
+        let shapes =
+            |k| -> Vec<Shape> { shift::EITHER_SIDE.into_iter().filter(|&side| changes_sign(k, side)).map(|side| shape(k, side)).collect() };
+        let all = (0..ctx.model.n_act()).map(|k| (k, shapes(k))).filter(|(_, shapes)| !shapes.is_empty());
+        all.map(|(k, shapes)| Proposal::of_all(ctx, k, shapes)).collect()
     }
 
     fn read(&self, view: &View) -> Reading {

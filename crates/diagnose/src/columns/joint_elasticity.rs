@@ -1,7 +1,7 @@
 //! A soft transmission: the load stays behind the motor in proportion to the effort that passes.
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, global};
-use crate::shift;
+use crate::shift::{self, EITHER_SIDE};
 
 /// See the catalogue entry of the same name.
 pub(super) struct Effect;
@@ -20,8 +20,9 @@ impl Columns for Effect {
     }
 
     fn propose(&self, ctx: &Context) -> Vec<Proposal> {
-        let shape = |k| Shape::free(vec![global(move |m| shift::of_compliance(m, k))]);
-        (0..ctx.model.n_act()).map(|k| Proposal::of_all(ctx, k, vec![shape(k)])).collect()
+        let soft = |k: usize, side| Shape::free(vec![global(move |m| shift::of_compliance(m, k, side))]);
+        let shapes = |k| EITHER_SIDE.map(|side| soft(k, side)).into_iter().collect();
+        (0..ctx.model.n_act()).map(|k| Proposal::of_all(ctx, k, shapes(k))).collect()
     }
 
     fn read(&self, view: &View) -> Reading {
