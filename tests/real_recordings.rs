@@ -126,19 +126,26 @@ fn upv_coulomb_friction_is_named_in_the_legs_and_leg_four_stays_unexplained() {
 fn dvrk_spring_on_the_wrist_is_named_and_halves_what_is_left() {
     let Some(root) = data("dvrk_mtm") else { return };
     let robot = load(&root.join("robot.toml")).expect("a readable robot");
-    let v = run(&robot, &[read(&root.join("train.csv"))], &[read(&root.join("test.csv"))], None).verdict;
-    // Wang, Gondokaryono, Munawar, Fischer 2019: the wrist carries a spring on a lever. A wrong gain of the drive is no answer to it.
-    assert!(found(&v, "spring", "wrist_pitch").is_some(), "{}", v.says);
-    assert!(found(&v, "torque_constant", "wrist_pitch").is_none(), "{}", v.says);
-    assert_cable(&v);
-    let wrist = v.heldout.joints.iter().find(|j| j.joint == "wrist_pitch").expect("every drive is judged");
-    // Published below 1.8 Hz: 19.6 % with the spring, 83 % without it; here more is compared, and friction alone is the refit.
-    assert!(wrist.rms_final < 0.5 * wrist.rms_refit, "{} of {}", wrist.rms_final, wrist.rms_refit);
+    // Published below 1.8 Hz with the spring: 19.6 %; without it: 83 %. The more is compared, the more is left: 0.26 is asked of five harmonics, half
+    // of what there is without the spring of the tool's own band.
+    for (band, left) in [(Some(2.83), 0.26), (None, 0.5 * 0.83)] {
+        let v = run(&robot, &[read(&root.join("train.csv"))], &[read(&root.join("test.csv"))], band).verdict;
+        // Wang, Gondokaryono, Munawar, Fischer 2019: the wrist carries a spring on a lever. A wrong gain of the drive is no answer to it.
+        assert!(found(&v, "spring", "wrist_pitch").is_some(), "{}", v.says);
+        assert!(found(&v, "torque_constant", "wrist_pitch").is_none(), "{}", v.says);
+        let wrist = v.heldout.joints.iter().find(|j| j.joint == "wrist_pitch").expect("every drive is judged");
+        assert!(wrist.rms_final < left * wrist.rms_tau, "{} of {}", wrist.rms_final, wrist.rms_tau);
+        assert_cable_and_mean(&v);
+    }
 }
 
-/// The cable bundle that turns with the platform is a force along its drive's stroke.
-fn assert_cable(v: &Verdict) {
+/// The cable bundle that turns with the platform is a force along its drive's stroke; and the mean over the joints is what the source leaves
+/// with spring and cable, 19.8 to 20.8 %, and not what friction alone leaves, 36.2 %.
+fn assert_cable_and_mean(v: &Verdict) {
     assert!(may_be(v, &["cable_force", "spring"], "platform_drive").is_some(), "{}", v.says);
+    let joints = &v.heldout.joints;
+    let mean = joints.iter().map(|j| j.rms_final / j.rms_tau).sum::<f64>() / joints.len() as f64;
+    assert!(mean < 0.24, "{mean} is left in the mean over the joints");
 }
 
 /// The finding that is one of the names at the place, or says that it cannot be told from it.
@@ -174,15 +181,10 @@ fn listed(folder: &str) -> Option<Listed> {
 }
 
 #[test]
-fn dvrk_forces_along_the_strokes_explain_in_the_published_band_what_the_source_explains() {
-    let Some(v) = listed("dvrk_mtm").map(|l| l.verdict()) else { return };
-    // So low a band has less of the lever's bend than of its slope: a cable's polynomial is as good as the spring.
-    assert!(may_be(&v, &["spring", "cable_force"], "wrist_pitch").is_some(), "{}", v.says);
-    assert_cable(&v);
-    // The mean over the joints is what the source leaves with spring and cable, 19.8 to 20.8 %, and not what friction alone leaves, 36.2 %.
-    let joints = &v.heldout.joints;
-    let mean = joints.iter().map(|j| j.rms_final / j.rms_tau).sum::<f64>() / joints.len() as f64;
-    assert!(mean < 0.22, "{mean} is left in the mean over the joints");
+fn dvrk_cable_torque_and_spring_are_placed_in_the_published_band() {
+    let Some(v) = is_long().then(|| listed("dvrk_mtm")).flatten().map(|l| l.verdict()) else { return };
+    assert!(may_be(&v, &["spring"], "wrist_pitch").is_some(), "{}", v.says);
+    assert_cable_and_mean(&v);
 }
 
 #[test]
