@@ -274,20 +274,19 @@ pub(crate) fn own_columns(work: &Work, variant: &Variant, ground: &[ColumnId]) -
 /// Null runs: what is left, with its spectrum kept and its phases drawn anew, the same for all joints of a recording.
 pub(crate) fn surrogates(work: &Work, left: &[Vec<Vec<f64>>], settings: &Settings) -> Targets {
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
-    let phases: Vec<Vec<Vec<f64>>> = (0..settings.null_runs)
-        .map(|_| {
-            let draw = |rows: &crate::rows::Rows, rng: &mut ChaCha8Rng| {
-                (0..rows.time.len() / 2 + 1).map(|_| core::f64::consts::TAU * rng.random::<f64>()).collect()
-            };
-            work.design.rows.iter().map(|rows| draw(rows, &mut rng)).collect()
-        })
-        .collect();
+    let phases: Vec<Vec<Vec<f64>>> =
+        (0..settings.null_runs).map(|_| work.design.rows.iter().map(|rows| random_phases(rows.time.len(), &mut rng)).collect()).collect();
     phases
         .par_iter()
         .map(|phases| {
             left.iter().map(|joint| joint.iter().zip(phases).map(|(x, p)| pkm_ident::spectrum::phase_randomised(x, p)).collect()).collect()
         })
         .collect()
+}
+
+/// A phase for each frequency of a series of `n` `[rad]`.
+pub(crate) fn random_phases(n: usize, rng: &mut ChaCha8Rng) -> Vec<f64> {
+    (0..n / 2 + 1).map(|_| core::f64::consts::TAU * rng.random::<f64>()).collect()
 }
 
 /// The first candidate, best first, that is real, worth having and physical; the reasons of those before it are noted.

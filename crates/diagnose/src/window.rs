@@ -7,11 +7,11 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use pkm_dyn::math;
 use pkm_ident::spectrum::phase_randomised;
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use crate::contest::{log_ratio, mean_and_sd};
+use crate::contest::{log_ratio, mean_and_sd, random_phases};
 use crate::motion::{Motion, top_speed};
 use crate::pushed::Pushed;
 use crate::rows::standstill;
@@ -151,7 +151,7 @@ impl Scan {
         let Some(at) = self.places.iter().flatten().position(|p| *p == place) else { return 1.0 };
         let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
         let drawn: Vec<Vec<Vec<f64>>> =
-            (0..settings.null_runs).map(|_| self.seen.iter().map(|s| phases(s.time.len(), &mut rng)).collect()).collect();
+            (0..settings.null_runs).map(|_| self.seen.iter().map(|s| random_phases(s.time.len(), &mut rng)).collect()).collect();
         let null: Vec<Vec<f64>> = drawn.par_iter().map(|phases| shares(&seen.by_chance(phases).look())).collect();
         let scale: Vec<(f64, f64)> = (0..found.len()).map(|i| mean_and_sd(&null.iter().map(|n| n[i]).collect::<Vec<_>>())).collect();
         let surprise = |of: &[f64], i: usize| (of[i] - scale[i].0) / scale[i].1;
@@ -165,10 +165,6 @@ impl Scan {
         let seen = self.seen.iter().zip(phases).map(|(s, phases)| s.by_chance(phases)).collect();
         Self { seen, longest: self.longest, places: self.places.clone() }
     }
-}
-
-fn phases(n: usize, rng: &mut ChaCha8Rng) -> Vec<f64> {
-    (0..n / 2 + 1).map(|_| core::f64::consts::TAU * rng.random::<f64>()).collect()
 }
 
 fn nearly_best(mut all: Vec<Best>) -> Vec<(Place, Window)> {
@@ -323,6 +319,8 @@ fn own(motion: &Motion, k: usize, every: usize) -> [Vec<f64>; 6] {
 
 #[cfg(test)]
 mod tests {
+    use rand::RngExt;
+
     use super::*;
     use crate::testing::Bench;
 
