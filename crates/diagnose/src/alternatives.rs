@@ -242,20 +242,28 @@ impl Stage {
         1.0 + share - both / self.taken.max(f64::MIN_POSITIVE)
     }
 
+    /// What the removed picks take away on the rows of some joints.
+    fn taken_over(&self, work: &Work, joints: &[usize]) -> f64 {
+        let (own, prior) = &self.removed;
+        if own.is_empty() { 0.0 } else { screen::gains(&work.gram, &self.cross, &self.base, own, prior, joints).scope[0] }
+    }
+
     /// What other columns with their inverse prior variances, which act at `joints`, do beside the removed picks.
     fn beside(&self, work: &Work, ids: &[ColumnId], prior: &[f64], joints: &[usize]) -> Beside {
-        let gains = screen::gains(&work.gram, &self.cross, &self.base, ids, prior, &[]).all;
-        let lead: Vec<f64> = self.blocks.iter().zip(&gains).map(|(own, other)| own - other[0]).collect();
+        let mut both: Vec<usize> = self.scope.iter().chain(joints).copied().collect();
+        both.sort_unstable();
+        both.dedup();
+        let gains = screen::gains(&work.gram, &self.cross, &self.base, ids, prior, &both);
+        let lead: Vec<f64> = self.blocks.iter().zip(&gains.all).map(|(own, other)| own - other[0]).collect();
         let n = lead.len() as f64;
         let mean = lead.iter().sum::<f64>() / n;
         let variance = lead.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>() / (n - 1.0).max(1.0);
         let error = math::sqrt(variance / n);
         let is_beaten = mean > student_95(lead.len().saturating_sub(1)) * error;
-        let theirs: f64 = gains.iter().map(|f| f[0]).sum();
-        let mut both: Vec<usize> = self.scope.iter().chain(joints).copied().collect();
-        both.sort_unstable();
-        both.dedup();
-        let lead = (self.taken - theirs) / (self.base.over(&both, 0) - theirs).max(f64::MIN_POSITIVE);
+        let theirs: f64 = gains.all.iter().map(|f| f[0]).sum();
+        // On the rows where either acts: what is fitted along moves with each and takes from other joints' rows, where their error is not counted.
+        let left = self.base.over(&both, 0) - gains.scope[0];
+        let lead = (self.taken_over(work, &both) - gains.scope[0]) / left.max(f64::MIN_POSITIVE);
         // Held back by what is expected of their numbers, they may stay behind though they are the truth.
         let lead = if prior.iter().any(|p| *p > 0.0) { 0.0 } else { lead };
         Beside { share: theirs / self.taken.max(f64::MIN_POSITIVE), is_beaten, lead }
@@ -377,7 +385,52 @@ fn is_mass(effect: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use pkm_dyn::effects::Robot;
+
     use super::*;
+    use crate::design::Design;
+    use crate::testing::Bench;
+
+    #[test]
+    fn what_a_finding_takes_beyond_a_rival_is_a_share_of_what_the_rival_leaves_where_they_act() {
+        let Bench { model, mut motion } = Bench::pair();
+        for (k, tau) in motion.segment.tau.iter_mut().enumerate() {
+            tau.iter_mut().enumerate().for_each(|(i, y)| *y = 2.0 * math::sin(1e-7 * ((k + 2) * i * i) as f64));
+        }
+        let robot = Robot { model, effects: Vec::new() };
+        let mut motions = vec![motion];
+        let design = Design::new(&robot, &motions, 5.0);
+        let mut work = Work::new(&robot, &mut motions, design, 5.0, None);
+        // A mass is felt by both drives: it moves with whatever is fitted at one of them, and so does what is left at the other.
+        for (effect, name) in [("payload", "link1"), ("rotor_inertia", "j0")] {
+            let is_it = |c: &Candidate| c.effect_name() == effect && c.name == name;
+            let candidate = work.candidates.iter().position(is_it).expect("it is looked for");
+            let variant = work.candidates[candidate].variants[0].clone();
+            work.picks.push(Pick { candidate, variant, p_search: 0.0, p_confirm: 0.0, wins: 0 });
+        }
+        let s = stage(&work, &[1]);
+        let left_by = |own: &[ColumnId], prior: &[f64], joints: &[usize]| {
+            let (ids, priors) = ([&s.columns[..], own].concat(), [&s.prior[..], prior].concat());
+            Base::new(&work.gram, &s.cross, &ids, &priors).over(joints, 0)
+        };
+        let mut spilt = 0;
+        for (c, rival) in work.candidates.iter().enumerate().filter(|(c, _)| *c != work.picks[1].candidate) {
+            let Some(variant) = rival.variants.first() else { continue };
+            let (own, prior) = own_columns(&work, variant, &s.columns);
+            if own.len() != 1 || prior[0] > 0.0 || is_wider_law(&work, c, 1) {
+                continue;
+            }
+            let mut both = [&s.scope[..], &rival.scope].concat();
+            both.sort_unstable();
+            both.dedup();
+            let beside = s.beside(&work, &own, &prior, &rival.scope);
+            let theirs = left_by(&own, &prior, &both);
+            let expected = 1.0 - left_by(&s.removed.0, &s.removed.1, &both) / theirs;
+            assert!((beside.lead - expected).abs() < 1e-6, "{} at {}: {} and not {expected}", rival.effect_name(), rival.name, beside.lead);
+            spilt += usize::from((s.taken - s.taken_over(&work, &both)).abs() > 0.01 * s.taken);
+        }
+        assert!(spilt > 3, "{spilt} rivals are compared where the rows matter");
+    }
 
     #[test]
     fn a_spring_that_hardens_only_rises_and_a_parabola_does_not() {

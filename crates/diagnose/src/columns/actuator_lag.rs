@@ -1,6 +1,7 @@
 //! A first-order lag of the drive: the rate of the fitted model.
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, View};
+use crate::explain::number;
 
 /// See the catalogue entry of the same name.
 pub(super) struct Effect;
@@ -24,6 +25,10 @@ impl Columns for Effect {
 
     fn read(&self, view: &View) -> Reading {
         let total = view.chain.lag + view.own[0];
-        if total <= 0.0 { Err(format!("the time constant would be negative ({total:.3e} s)")) } else { Ok(vec![("time_constant", total)]) }
+        if total <= 0.0 {
+            Err(format!("the time constant would be negative ({} s)", number(total)))
+        } else {
+            Ok(vec![("time_constant", total)])
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! Play: the load rests on the end of the gap that passes the effort, so it is half a gap to one side or the other of the motor.
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, global};
+use crate::explain::number;
 use crate::shift::{self, FrictionOf};
 
 /// Share of the samples in which the effort must pass each way: without a change of sign, play is a constant offset of the position.
@@ -36,6 +37,10 @@ impl Columns for Effect {
     }
 
     fn read(&self, view: &View) -> Reading {
-        if view.own[0] <= 0.0 { Err(format!("the gap would be negative ({:.3e})", view.own[0])) } else { Ok(vec![("gap", view.own[0])]) }
+        if view.own[0] <= 0.0 {
+            Err(format!("the gap would be negative ({})", number(view.own[0])))
+        } else {
+            Ok(vec![("gap", view.own[0])])
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! Something in the way: a spring that begins at a position and is nothing before it.
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local, on_held, stroke};
+use crate::explain::number;
 use crate::held::ends;
 use crate::motion::Motion;
 
@@ -44,7 +45,7 @@ impl Columns for Effect {
     fn read(&self, view: &View) -> Reading {
         let (stiffness, position, side) = (view.own[0], view.shape[0], view.shape[1]);
         if stiffness <= 0.0 {
-            return Err(format!("the obstacle would pull (stiffness = {stiffness:.3e})"));
+            return Err(format!("the obstacle would pull (stiffness = {})", number(stiffness)));
         }
         let along = view.shape.get(2..).filter(|n| n.len() == 3).map_or([1.0, 0.0, 0.0], |n| [n[0], n[1], n[2]]);
         let [nx, ny, nz] = along;

@@ -1,6 +1,7 @@
 //! Small efforts that do nothing: half the width in the direction of the effort, of the model's, never of the measured one.
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
+use crate::explain::number;
 use crate::shift::side;
 
 /// See the catalogue entry of the same name.
@@ -31,6 +32,10 @@ impl Columns for Effect {
 
     fn read(&self, view: &View) -> Reading {
         let width = view.own[0];
-        if width <= 0.0 { Err(format!("the dead zone would have a negative width ({width:.3e})")) } else { Ok(vec![("width", width)]) }
+        if width <= 0.0 {
+            Err(format!("the dead zone would have a negative width ({})", number(width)))
+        } else {
+            Ok(vec![("width", width)])
+        }
     }
 }

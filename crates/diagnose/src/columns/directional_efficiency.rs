@@ -1,6 +1,7 @@
 //! Gear losses in the quadrants of load: a share of the rigid model's load where the drive drives, another where it is driven back.
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
+use crate::explain::number;
 use crate::motion::soft_sign;
 
 /// See the catalogue entry of the same name.
@@ -40,7 +41,7 @@ impl Columns for Effect {
     fn read(&self, view: &View) -> Reading {
         let [drive, back] = [view.own[0], view.own[1]];
         if drive < 0.0 || back < 0.0 {
-            return Err(format!("the gear would add effort (share {drive:.3e} driving, {back:.3e} driven back)"));
+            return Err(format!("the gear would add effort (share {} driving, {} driven back)", number(drive), number(back)));
         }
         Ok(vec![("efficiency_drive", 1.0 / (1.0 + drive)), ("efficiency_back", 1.0 - back)])
     }

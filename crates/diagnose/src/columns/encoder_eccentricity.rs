@@ -6,6 +6,7 @@ use core::f64::consts::TAU;
 use pkm_dyn::math;
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, global};
+use crate::explain::number;
 use crate::shift;
 
 /// Periods over the travel. Less than one is an offset and a wrong scale; many more are ripple of the effort, for all that is left of
@@ -51,7 +52,11 @@ impl Columns for Effect {
         let (s, c) = (view.own[0], view.own[1]);
         let (amplitude, order) = (math::hypot(s, c), view.shape[0]);
         if amplitude * order > 0.5 {
-            return Err(format!("the reading would run {amplitude:.3e} ahead and behind at order {order:.3e}: no position sensor does"));
+            return Err(format!(
+                "the reading would run {} ahead and behind at order {}: no position sensor does",
+                number(amplitude),
+                number(order)
+            ));
         }
         Ok(vec![("amplitude", amplitude), ("order", order), ("phase", math::atan2(c, s))])
     }

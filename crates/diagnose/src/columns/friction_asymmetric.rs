@@ -1,6 +1,7 @@
 //! Friction that differs with direction: what is even in velocity, beside the odd part every model has.
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
+use crate::explain::number;
 use crate::motion::soft_sign;
 
 /// Shape whose damping differs with direction.
@@ -47,7 +48,7 @@ impl Columns for Effect {
         let (dv, dc) = if view.shape[0] > 0.5 * (VISCOUS + DRY) { (0.0, view.own[0]) } else { (view.own[0], 0.0) };
         if coulomb < dc.abs() || viscous < dv.abs() {
             let least = (coulomb - dc.abs()).min(viscous - dv.abs());
-            return Err(format!("friction would push in one direction ({least:.3e})"));
+            return Err(format!("friction would push in one direction ({})", number(least)));
         }
         Ok(vec![("coulomb_pos", coulomb + dc), ("coulomb_neg", coulomb - dc), ("viscous_pos", viscous + dv), ("viscous_neg", viscous - dv)])
     }

@@ -1,6 +1,7 @@
 //! Dry friction: a parameter every model has, reported when it moved.
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, Source, View};
+use crate::explain::number;
 
 /// See the catalogue entry of the same name.
 pub(super) struct Effect;
@@ -25,6 +26,6 @@ impl Columns for Effect {
 
     fn read(&self, view: &View) -> Reading {
         let total = view.model.joints[view.place].coulomb + view.own[0];
-        if total < 0.0 { Err(format!("dry friction would be negative ({total:.3e})")) } else { Ok(vec![("coulomb", total)]) }
+        if total < 0.0 { Err(format!("dry friction would be negative ({})", number(total))) } else { Ok(vec![("coulomb", total)]) }
     }
 }

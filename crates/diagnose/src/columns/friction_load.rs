@@ -1,6 +1,7 @@
 //! Dry friction in proportion to the load of the rigid model, never of the measured effort: that would fit itself.
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
+use crate::explain::number;
 use crate::motion::soft_sign;
 
 /// See the catalogue entry of the same name.
@@ -36,7 +37,7 @@ impl Columns for Effect {
 
     fn read(&self, view: &View) -> Reading {
         if view.own[0] <= 0.0 {
-            Err(format!("friction would shrink with load (mu = {:.3e})", view.own[0]))
+            Err(format!("friction would shrink with load (mu = {})", number(view.own[0])))
         } else {
             Ok(vec![("mu", view.own[0])])
         }

@@ -3,6 +3,7 @@
 use pkm_dyn::effects::Site;
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, global};
+use crate::explain::number;
 use crate::motion::{Passive, soft_sign};
 
 /// See the catalogue entry of the same name.
@@ -50,7 +51,7 @@ impl Columns for Effect {
         let joint = &view.model.joints[view.place];
         let (coulomb, viscous) = (joint.coulomb + dry, joint.viscous + damping);
         if coulomb < 0.0 || viscous < 0.0 {
-            return Err(format!("friction would be negative (coulomb {coulomb:.3e}, viscous {viscous:.3e})"));
+            return Err(format!("friction would be negative (coulomb {}, viscous {})", number(coulomb), number(viscous)));
         }
         Ok(vec![("coulomb", coulomb), ("viscous", viscous)])
     }

@@ -1,6 +1,7 @@
 //! Dry friction along the stroke: direction of motion times a polynomial of the position that has no constant part.
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, Source, View, local, stroke};
+use crate::explain::number;
 use crate::motion::soft_sign;
 
 /// See the catalogue entry of the same name.
@@ -47,7 +48,7 @@ impl Columns for Effect {
         let coulomb = view.model.joints[view.place].coulomb + view.coulomb_change;
         let least = coulomb + lowest(view.own);
         if least < 0.0 {
-            return Err(format!("dry friction would be negative in part of the stroke ({least:.3e})"));
+            return Err(format!("dry friction would be negative in part of the stroke ({})", number(least)));
         }
         let per = |p: usize| view.own.get(p - 1).copied().unwrap_or(0.0) / power(half, p);
         let mut out = vec![("coulomb_slope", per(1)), ("q0", middle)];

@@ -3,6 +3,7 @@
 use pkm_dyn::math;
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
+use crate::explain::number;
 use crate::motion::Motion;
 use crate::settings::BLOCKS;
 use crate::verdict::Use;
@@ -45,7 +46,7 @@ impl Columns for Effect {
     fn read(&self, view: &View) -> Reading {
         let (coulomb, give) = (view.own[0], view.shape[0]);
         if coulomb <= 0.0 {
-            return Err(format!("friction before sliding would push (coulomb = {coulomb:.3e})"));
+            return Err(format!("friction before sliding would push (coulomb = {})", number(coulomb)));
         }
         if view.model.joints[view.place].coulomb + view.coulomb_change < 0.0 {
             return Err("it would take away more dry friction than there is".to_string());

@@ -3,6 +3,7 @@
 use pkm_dyn::math;
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
+use crate::explain::number;
 use crate::motion::soft_sign;
 
 /// Powers to try: a concave one, and those of churning oil, of air, and of a pump.
@@ -44,7 +45,7 @@ impl Columns for Effect {
     fn read(&self, view: &View) -> Reading {
         let (drag, exponent) = (view.own[0], view.shape[0]);
         if drag <= 0.0 {
-            return Err(format!("drag would push (drag = {drag:.3e} with exponent {exponent})"));
+            return Err(format!("drag would push (drag = {} with exponent {exponent})", number(drag)));
         }
         Ok(vec![("drag", drag), ("exponent", exponent)])
     }

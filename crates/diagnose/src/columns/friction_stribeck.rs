@@ -3,6 +3,7 @@
 use pkm_dyn::math;
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
+use crate::explain::number;
 use crate::motion::soft_sign;
 
 /// Widths to try, as shares of the top speed.
@@ -54,7 +55,7 @@ impl Columns for Effect {
             return Err("friction would fall, not rise, towards standstill".to_string());
         }
         if coulomb < 0.0 {
-            return Err(format!("dry friction would be negative ({coulomb:.3e})"));
+            return Err(format!("dry friction would be negative ({})", number(coulomb)));
         }
         Ok(vec![("coulomb", coulomb), ("stiction", coulomb + view.own[0]), ("stribeck_velocity", view.shape[0])])
     }

@@ -1,6 +1,7 @@
 //! Damping that changes with warmth or running time: velocity times warmth, beside the velocity every model has.
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
+use crate::explain::number;
 use crate::motion::{Motion, top_speed};
 use crate::verdict::Use;
 
@@ -31,11 +32,11 @@ impl Columns for Effect {
     fn read(&self, view: &View) -> Reading {
         let viscous = view.model.joints[view.place].viscous + view.viscous_change;
         if viscous <= 0.0 {
-            return Err(format!("there is no damping that could change ({viscous:.3e})"));
+            return Err(format!("there is no damping that could change ({})", number(viscous)));
         }
         let rate = view.own[0] / viscous;
         if 1.0 + rate * view.shape[0] < 0.0 {
-            return Err(format!("damping would become negative (rate = {rate:.3e})"));
+            return Err(format!("damping would become negative (rate = {})", number(rate)));
         }
         Ok(vec![("rate", rate)])
     }

@@ -1,6 +1,7 @@
 //! Damping: a parameter every model has, reported when it moved.
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, Source, View};
+use crate::explain::number;
 
 /// See the catalogue entry of the same name.
 pub(super) struct Effect;
@@ -24,6 +25,6 @@ impl Columns for Effect {
 
     fn read(&self, view: &View) -> Reading {
         let total = view.model.joints[view.place].viscous + view.own[0];
-        if total < 0.0 { Err(format!("damping would be negative ({total:.3e})")) } else { Ok(vec![("viscous", total)]) }
+        if total < 0.0 { Err(format!("damping would be negative ({})", number(total))) } else { Ok(vec![("viscous", total)]) }
     }
 }

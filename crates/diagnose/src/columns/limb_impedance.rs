@@ -1,6 +1,7 @@
 //! A spring and damper on a link, fixed in space: its force through the link's Jacobian, the same coefficients in every recording.
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, Source, View, on_held};
+use crate::explain::number;
 use crate::held::{Held, ends};
 
 /// The same stiffness and damping in all directions.
@@ -42,7 +43,7 @@ impl Columns for Effect {
         // Springs and dampers first, constants last; see `shapes`.
         let n = if is(WITH_REST) { 2 } else { own.len() };
         if let Some(x) = own[..n].iter().find(|x| **x < 0.0) {
-            return Err(format!("a stiffness or damping would be negative ({x:.3e})"));
+            return Err(format!("a stiffness or damping would be negative ({})", number(*x)));
         }
         let mut out = if is(EACH) { vec![("stiffness", 0.0)] } else { vec![("stiffness", own[0]), ("damping", own[1])] };
         if is(EACH) {

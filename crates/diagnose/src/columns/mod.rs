@@ -43,6 +43,7 @@ use pkm_dyn::Model;
 use pkm_dyn::effects::{Entry, Site};
 
 use crate::design::{Chain, ColumnId, Make};
+use crate::explain::number;
 use crate::held::Held;
 use crate::motion::Motion;
 
@@ -301,7 +302,7 @@ pub(crate) fn entry(name: &str) -> &'static Entry {
 /// A stiffness from its inverse, which is what a fit gives.
 pub(crate) fn stiffness(compliance: f64) -> Reading {
     if compliance <= 0.0 {
-        Err(format!("it would stiffen under load (compliance {compliance:.3e})"))
+        Err(format!("it would stiffen under load (compliance {})", number(compliance)))
     } else {
         Ok(vec![("stiffness", 1.0 / compliance)])
     }

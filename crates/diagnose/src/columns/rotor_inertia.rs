@@ -1,6 +1,7 @@
 //! Inertia of a motor at its joint.
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
+use crate::explain::number;
 
 /// See the catalogue entry of the same name.
 pub(super) struct Effect;
@@ -30,6 +31,6 @@ impl Columns for Effect {
 
     fn read(&self, view: &View) -> Reading {
         let total = view.model.joints[view.place].armature + view.own[0];
-        if total < 0.0 { Err(format!("rotor inertia would be negative ({total:.3e})")) } else { Ok(vec![("inertia", total)]) }
+        if total < 0.0 { Err(format!("rotor inertia would be negative ({})", number(total))) } else { Ok(vec![("inertia", total)]) }
     }
 }

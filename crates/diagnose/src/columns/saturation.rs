@@ -6,6 +6,7 @@
 use pkm_ident::filter::LowPass;
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
+use crate::explain::number;
 use crate::motion::Motion;
 
 /// Limits to try, as shares of the largest recorded effort, and of the largest effort of the model: behind a limit, integrators and errors
@@ -62,7 +63,7 @@ impl Columns for Effect {
     fn read(&self, view: &View) -> Reading {
         if (view.own[0] - 1.0).abs() > NEAR_ONE {
             let share = 100.0 * view.own[0];
-            return Err(format!("{share:.0} % of what is commanded beyond {:.3e} would be missing, not all of it", view.shape[0]));
+            return Err(format!("{share:.0} % of what is commanded beyond {} would be missing, not all of it", number(view.shape[0])));
         }
         Ok(vec![("limit", view.shape[0])])
     }

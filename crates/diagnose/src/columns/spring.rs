@@ -5,6 +5,7 @@ use pkm_dyn::math;
 use pkm_dyn::model::JointKind;
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, Source, View, local, stroke};
+use crate::explain::number;
 use crate::motion::Motion;
 
 /// How much a spring may harden, to try: its curvature over half the stroke. At the last it is three times as stiff at one end as in the middle.
@@ -59,7 +60,7 @@ impl Columns for Effect {
             return Ok(vec![("stiffness", math::hypot(a, b)), ("rest", math::atan2(-b, a)), ("curvature", 1.0)]);
         }
         if a <= 0.0 {
-            return Err(format!("stiffness would be negative ({a:.3e})"));
+            return Err(format!("stiffness would be negative ({})", number(a)));
         }
         if let [curvature, middle, half] = *view.shape {
             // stiffness/c·sinh(c·(q − rest)) = a·sinh(c·(q − middle)) + b·cosh(c·(q − middle)).

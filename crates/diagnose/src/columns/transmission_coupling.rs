@@ -1,6 +1,7 @@
 //! A part of the transmission that turns with two joints: columns of the sum of both coordinates, felt at both.
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, Source, View, pair};
+use crate::explain::number;
 use crate::motion::soft_sign;
 
 /// Shapes with one cause only: which of the law's parameters it is.
@@ -48,7 +49,7 @@ impl Columns for Effect {
             all => names.into_iter().zip(all.iter().copied()).collect(),
         };
         match out.iter().find(|(_, v)| *v < 0.0) {
-            Some((name, v)) => Err(format!("its {name} would be negative ({v:.3e})")),
+            Some((name, v)) => Err(format!("its {name} would be negative ({})", number(*v))),
             None => Ok(out),
         }
     }
