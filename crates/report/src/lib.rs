@@ -20,7 +20,7 @@ mod svg;
 mod terminal;
 mod words;
 
-pub use html::{html, identification_html, plan_html, workspace_html};
+pub use html::{HOPELESS, html, identification_html, plan_html, workspace_html};
 pub use sheet::{Curve, Figure, Ink, Sheet, Table, Tone, sheet};
 pub use svg::Scale;
 pub use terminal::{Style, plan_terminal, terminal, workspace_terminal};

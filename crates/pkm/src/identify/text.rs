@@ -4,6 +4,7 @@ use pkm_dyn::parameters::NAMES;
 use pkm_ident::Identification;
 use pkm_ident::beside::Beside;
 use pkm_ident::note::{Note, Status};
+use pkm_report::HOPELESS;
 use serde_json::{Value, json};
 
 use crate::out::{number, table};
@@ -149,9 +150,9 @@ fn percent(x: f64) -> String {
     format!("{:.1} %", 100.0 * x)
 }
 
-/// A standard deviation over its value; of what the motion does not show no number says more than that it is large.
+/// A standard deviation over its value; of what the motion does not show no number says more than that it is large, as the page says too.
 fn relative(x: f64) -> String {
-    if x > 99.0 { "> 9900 %".to_string() } else { percent(x) }
+    if x < HOPELESS { percent(x) } else { format!("> {}", percent(HOPELESS)) }
 }
 
 /// The answer as JSON.

@@ -71,8 +71,8 @@ fn tiles(answer: &Identification) -> String {
 /// Relative standard deviation below which the 95 % interval does not hold zero.
 const DETERMINED: f64 = 0.5;
 
-/// Relative standard deviation from which on its size says nothing.
-const HOPELESS: f64 = 10.0;
+/// Relative standard deviation from which on its size says nothing: reports in any form call all of them larger than this.
+pub const HOPELESS: f64 = 10.0;
 
 /// A table; heads that end in `#` are of columns of numbers, which stand to the right and are not broken. Where there is little room its
 /// rows become blocks, every cell with its head.

@@ -14,7 +14,7 @@ mod tables;
 mod workspace;
 
 pub(crate) use escape::{esc, num, prose};
-pub use identification::identification_html;
+pub use identification::{HOPELESS, identification_html};
 pub(crate) use page::STYLE;
 pub use page::html;
 pub use plan::plan_html;
