@@ -135,17 +135,20 @@ fn dvrk_spring_on_the_wrist_is_named_and_halves_what_is_left() {
         assert!(found(&v, "torque_constant", "wrist_pitch").is_none(), "{}", v.says);
         let wrist = v.heldout.joints.iter().find(|j| j.joint == "wrist_pitch").expect("every drive is judged");
         assert!(wrist.rms_final < left * wrist.rms_tau, "{} of {}", wrist.rms_final, wrist.rms_tau);
+        // Friction alone is the refit.
+        assert!(wrist.rms_final < 0.5 * wrist.rms_refit, "{} of {}", wrist.rms_final, wrist.rms_refit);
         assert_cable_and_mean(&v);
     }
 }
 
 /// The cable bundle that turns with the platform is a force along its drive's stroke; and the mean over the joints is what the source leaves
-/// with spring and cable, 19.8 to 20.8 %, and not what friction alone leaves, 36.2 %.
-fn assert_cable_and_mean(v: &Verdict) {
+/// with spring and cable, 19.8 to 20.8 %, and not what friction alone leaves, 36.2 %. Returns that mean.
+fn assert_cable_and_mean(v: &Verdict) -> f64 {
     assert!(may_be(v, &["cable_force", "spring"], "platform_drive").is_some(), "{}", v.says);
     let joints = &v.heldout.joints;
     let mean = joints.iter().map(|j| j.rms_final / j.rms_tau).sum::<f64>() / joints.len() as f64;
     assert!(mean < 0.24, "{mean} is left in the mean over the joints");
+    mean
 }
 
 /// The finding that is one of the names at the place, or says that it cannot be told from it.
@@ -181,10 +184,12 @@ fn listed(folder: &str) -> Option<Listed> {
 }
 
 #[test]
-fn dvrk_cable_torque_and_spring_are_placed_in_the_published_band() {
-    let Some(v) = is_long().then(|| listed("dvrk_mtm")).flatten().map(|l| l.verdict()) else { return };
-    assert!(may_be(&v, &["spring"], "wrist_pitch").is_some(), "{}", v.says);
-    assert_cable_and_mean(&v);
+fn dvrk_forces_along_the_strokes_explain_in_the_published_band_what_the_source_explains() {
+    let Some(v) = listed("dvrk_mtm").map(|l| l.verdict()) else { return };
+    // So low a band has less of the lever's bend than of its slope: a cable's polynomial is as good as the spring. The long tier asks for the name.
+    let names: &[&str] = if is_long() { &["spring"] } else { &["spring", "cable_force"] };
+    assert!(may_be(&v, names, "wrist_pitch").is_some(), "{}", v.says);
+    assert!(assert_cable_and_mean(&v) < 0.22);
 }
 
 #[test]
