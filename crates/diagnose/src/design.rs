@@ -8,8 +8,8 @@ use pkm_ident::filter::{advanced, derivative};
 use rayon::prelude::*;
 
 use crate::extents::extents;
-use crate::motion::{Motion, softness_widths};
-use crate::rows::{FineGrid, Rows, folds, rows, standstill};
+use crate::motion::Motion;
+use crate::rows::{FineGrid, Rows, folds, left_out, rows, standstill};
 use crate::settings::SOFTNESS;
 use crate::sharing::Sharing;
 use crate::shelf::{Shelf, Stored};
@@ -82,7 +82,7 @@ pub(crate) struct Design {
     pub(crate) late: Vec<Vec<Fine>>,
     /// Weight of each joint's rows: one over what a plain refit leaves.
     pub(crate) weight: Vec<f64>,
-    /// Raw samples at which each joint stands still: [segment][joint].
+    /// Raw samples at which each joint stands still and is left out: [segment][joint].
     still: Vec<Vec<Vec<bool>>>,
     /// How surplus drives share efforts, by segment; empty without any.
     sharing: Vec<Sharing>,
@@ -104,9 +104,10 @@ impl Design {
         let fine: Vec<FineGrid> = motions.iter().map(|m| FineGrid::new(m.segment.dt, band)).collect();
         let (folds, n_folds) = folds(motions);
         let (top, _) = extents(motions, n_drives);
-        let still: Vec<Vec<Vec<bool>>> = motions.iter().map(|m| standstill(m, &top, band)).collect();
+        let stands: Vec<Vec<Vec<bool>>> = motions.iter().map(|m| standstill(m, &top, band)).collect();
+        let still: Vec<Vec<Vec<bool>>> = motions.iter().zip(&stands).map(|(m, stands)| left_out(m, stands)).collect();
         let sharing: Vec<Sharing> = motions.iter().zip(&still).filter_map(|(m, still)| Sharing::of(m, still)).collect();
-        let mut rows: Vec<Rows> = (0..motions.len()).map(|s| rows(&motions[s], &fine[s], &folds[s], &still[s])).collect();
+        let mut rows: Vec<Rows> = (0..motions.len()).map(|s| rows(&motions[s], &fine[s], &folds[s], (&stands[s], &still[s]))).collect();
         if !sharing.is_empty() {
             rows.iter_mut().for_each(|r| clean_together(&mut r.clean[..n_drives]));
         }
@@ -277,8 +278,9 @@ impl Design {
             return through;
         }
         let cut = pair.cut[segment].read();
-        let clean = &self.rows[segment].clean[joint];
-        through.iter().zip(cut).zip(clean).map(|((plain, cut), clean)| if *clean { *plain } else { cut }).collect()
+        let Rows { clean, weight, .. } = &self.rows[segment];
+        let of_row = |((plain, cut), clean): ((&f64, f64), &bool)| if *clean { *plain } else { cut };
+        through.iter().zip(cut).zip(&clean[joint]).map(of_row).zip(&weight[joint]).map(|(x, weight)| weight * x).collect()
     }
 
     /// A column's values at the rows of one joint and segment; `None` when it does not act there.
@@ -331,11 +333,6 @@ fn cut(series: &Series, still: &[Vec<bool>], sharing: Option<&Sharing>) -> Serie
 fn clean_together(clean: &mut [Vec<bool>]) {
     let all: Vec<bool> = (0..clean.first().map_or(0, Vec::len)).map(|i| clean.iter().all(|c| c[i])).collect();
     clean.iter_mut().for_each(|c| c.clone_from(&all));
-}
-
-/// Widths of smoothed directions per segment: [segment][softness][tree joint].
-pub(crate) fn widths(robot: &Robot, motions: &[Motion]) -> Vec<Vec<Vec<f64>>> {
-    motions.iter().map(|m| softness_widths(&robot.model, m)).collect()
 }
 
 #[cfg(test)]

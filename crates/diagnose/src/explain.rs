@@ -172,10 +172,9 @@ pub(crate) fn equation(work: &Work, pick: usize, parameters: &BTreeMap<String, E
     let law = if is_of_the_effort_reading(work, pick) { "recorded effort = effort + rate·t" } else { entry.equation };
     let mut out = format!("{law}; {}", values(work, pick, parameters, &order).join(", "));
     if p.variant.softness.is_some() && entry.name.starts_with("friction") && entry.name != "friction_viscous" {
-        let width =
-            crate::design::widths(work.robot, work.motions).iter().map(|segment| segment[work.softness][c.place]).fold(0.0, f64::max);
+        let turn = work.widths[work.softness][c.place];
         let unit = pkm_dyn::effects::Unit::Velocity.text(kind(work, pick));
-        out += &format!("; s = v/√(v² + w²), w = {} {unit}", number(width));
+        out += &format!("; {}, w = {} {unit}", turn.equation(), number(turn.width));
     }
     out
 }

@@ -1,9 +1,7 @@
 //! How far and how fast the fitted motions go: what the shapes that are tried are scaled with.
 
-use pkm_dyn::effects::Robot;
-
-use crate::motion::{Motion, softness_widths, top_speed};
-use crate::settings::SOFTNESS;
+use crate::motion::{Motion, top_speed};
+use crate::turning::Turn;
 use crate::verdict::Use;
 
 /// Motions that are fitted: a held-out one must not shape what is tried.
@@ -11,14 +9,13 @@ fn fitted(motions: &[Motion]) -> impl Iterator<Item = &Motion> {
     motions.iter().filter(|m| m.segment.used != Use::Holdout)
 }
 
-/// Largest widths of smoothed directions over fitted motions: [softness][tree joint] `[m/s | rad/s]`.
-pub(crate) fn largest_widths(robot: &Robot, motions: &[Motion]) -> Vec<Vec<f64>> {
-    let mut out = vec![vec![0.0_f64; robot.model.nv()]; SOFTNESS.len()];
-    for segment in fitted(motions).map(|m| softness_widths(&robot.model, m)) {
-        for (sum, widths) in out.iter_mut().zip(segment) {
-            for (s, w) in sum.iter_mut().zip(widths) {
-                *s = s.max(w);
-            }
+/// How directions pass through zero, the widest over fitted motions: [softness][tree joint].
+pub(crate) fn widest_turns(motions: &[Motion]) -> Vec<Vec<Turn>> {
+    let mut all = fitted(motions).map(|m| &m.turns);
+    let mut out = all.next().cloned().unwrap_or_default();
+    for segment in all {
+        for (sum, turn) in out.iter_mut().flatten().zip(segment.iter().flatten()) {
+            *sum = sum.wider(*turn);
         }
     }
     out

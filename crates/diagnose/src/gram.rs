@@ -69,6 +69,19 @@ impl Gram {
         self.local[joint][id].map_or(0.0, |l| self.xx_all[joint][(l, l)] * scale * scale)
     }
 
+    /// Squared length at one joint of a sum of columns, by their places among the joint's, over the fitted rows: each row as large as it is, whatever its
+    /// weight in fits.
+    pub(crate) fn felt(&self, design: &Design, joint: usize, sum: &[(usize, f64)]) -> f64 {
+        let of_row = |s: &Stack, i: usize, (segment, row): (usize, usize)| {
+            let x: f64 = sum.iter().map(|(column, c)| c * s.x[(i, *column)]).sum();
+            let x = x / design.rows[segment].weight[joint][row];
+            x * x
+        };
+        let of_fold =
+            |joints: &Vec<Stack>| -> f64 { joints[joint].at.iter().enumerate().map(|(i, at)| of_row(&joints[joint], i, *at)).sum() };
+        self.stacks[..self.n_folds].iter().map(of_fold).sum()
+    }
+
     /// Number of fitted folds that hold any row: a gap may empty one.
     pub(crate) fn n_filled(&self) -> usize {
         self.stacks[..self.n_folds].iter().filter(|joints| joints.iter().any(|s| !s.at.is_empty())).count()

@@ -62,6 +62,7 @@ mod solve;
 mod testing;
 mod thinned;
 mod thousands;
+mod turning;
 mod variety;
 pub mod verdict;
 mod window;

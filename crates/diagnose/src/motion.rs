@@ -18,6 +18,7 @@ use crate::segment::Segment;
 use crate::sensitivity::{Here, Knots, Lengths, Sensitivity};
 use crate::settings::SOFTNESS;
 use crate::shelf::Tape;
+use crate::turning::Turn;
 
 /// A passive joint along a segment.
 #[derive(Debug, Clone)]
@@ -68,12 +69,16 @@ pub(crate) struct Motion {
     pub(crate) pushed: Vec<Pushed>,
     /// Effort of the model as given, per softness: [softness][drive][sample].
     pub(crate) nominal: Vec<Vec<Vec<f64>>>,
+    /// How directions pass through zero: [softness][tree joint].
+    pub(crate) turns: Vec<Vec<Turn>>,
+    /// Weight of rows in which a drive turns over, by drive; nothing where its friction there may be anything.
+    pub(crate) turning_weight: Vec<f64>,
 }
 
 impl Motion {
     /// Smoothed direction of motion.
-    pub(crate) fn direction(v: &[f64], width: f64) -> Vec<f64> {
-        v.iter().map(|v| soft_sign(*v, width)).collect()
+    pub(crate) fn direction(v: &[f64], turn: Turn) -> Vec<f64> {
+        v.iter().map(|v| turn.sign(*v)).collect()
     }
 
     /// Effort per radian of base roll (axis 0) or pitch (axis 1): [drive][sample].
@@ -120,6 +125,13 @@ pub(crate) fn motion(robot: &Robot, segment: Segment) -> Result<Motion, InputErr
 
 /// The same, with or without what wrong lengths would do: most of the work where a robot has loops.
 pub(crate) fn motion_with(robot: &Robot, segment: Segment, lengths: Lengths) -> Result<Motion, InputError> {
+    let mut out = followed_along(robot, segment, lengths)?;
+    nominal::fill(robot, &mut out);
+    Ok(out)
+}
+
+/// The same without the effort of the model as given, for whoever has yet to say how directions pass through zero.
+pub(crate) fn followed_along(robot: &Robot, segment: Segment, lengths: Lengths) -> Result<Motion, InputError> {
     let mut model = robot.model.clone();
     if let Some(g) = segment.gravity {
         model.gravity = g.into();
@@ -161,12 +173,14 @@ pub(crate) fn motion_with(robot: &Robot, segment: Segment, lengths: Lengths) -> 
         held: followed(robot).into_iter().map(|l| Held::new(l, (na, n), &segment.shelf)).collect(),
         pushed: Vec::new(),
         nominal: Vec::new(),
+        turns: Vec::new(),
+        turning_weight: vec![0.0; na],
         segment,
     };
     let mut pass = Pass { model, data, links, lengths, out };
     pass.run()?;
     let mut out = pass.out;
-    nominal::fill(robot, &mut out);
+    out.turns = softnesses(&robot.model, &out);
     Ok(out)
 }
 
@@ -368,8 +382,8 @@ fn weight(model: &Model, data: &mut Data, gravity: nalgebra::Vector3<f64>) -> Ve
     (0..model.n_act()).map(|k| data.drive_reduction.column(k).iter().zip(&tree).map(|(g, t)| g * t).sum()).collect()
 }
 
-/// Widths over which directions pass through zero: [softness][tree joint] `[m/s | rad/s]`.
-pub(crate) fn softness_widths(model: &Model, motion: &Motion) -> Vec<Vec<f64>> {
+/// How directions pass through zero where nothing else says it: [softness][tree joint].
+fn softnesses(model: &Model, motion: &Motion) -> Vec<Vec<Turn>> {
     let mut top = vec![0.0; model.nv()];
     for (k, &j) in model.actuators.iter().enumerate() {
         top[j] = top_speed(&motion.segment.v[k]);
@@ -377,7 +391,7 @@ pub(crate) fn softness_widths(model: &Model, motion: &Motion) -> Vec<Vec<f64>> {
     for (p, passive) in model.passive().into_iter().zip(&motion.passive) {
         top[p] = top_speed(&passive.v);
     }
-    SOFTNESS.iter().map(|share| top.iter().map(|t| share * t).collect()).collect()
+    SOFTNESS.iter().map(|share| top.iter().map(|t| Turn::soft(share * t)).collect()).collect()
 }
 
 /// Speed that 99 % of the samples stay below.

@@ -4,9 +4,10 @@ use pkm_dyn::effects::{Applied, JointState, Law, LinkState, Memory, Robot, Site,
 use pkm_dyn::math;
 
 use crate::held::Held;
-use crate::motion::{Motion, soft_sign, softness_widths};
+use crate::motion::Motion;
 use crate::sharing;
 use crate::shift::{self, FrictionOf};
+use crate::turning::Turn;
 
 /// A tree joint along a segment.
 struct Track<'m> {
@@ -22,7 +23,7 @@ struct Track<'m> {
 /// Fills in the effort at each drive per softness of directions, as the drive's recorded effort has it, what passes through the
 /// transmissions, and what other sensors would read of it.
 pub(crate) fn fill(robot: &Robot, motion: &mut Motion) {
-    motion.nominal = softness_widths(&robot.model, motion).iter().map(|width| at_softness(robot, motion, width)).collect();
+    motion.nominal = motion.turns.iter().map(|turns| at_softness(robot, motion, turns)).collect();
     let mut nominal = core::mem::take(&mut motion.nominal);
     nominal.iter_mut().for_each(|efforts| sharing::as_measured(motion, efforts));
     motion.nominal = nominal;
@@ -74,8 +75,8 @@ fn give_way(robot: &Robot, motion: &mut Motion) {
     }
 }
 
-fn at_softness(robot: &Robot, motion: &Motion, width: &[f64]) -> Vec<Vec<f64>> {
-    let joints: Vec<Vec<f64>> = (0..robot.model.nv()).map(|j| joint_series(robot, motion, j, width)).collect();
+fn at_softness(robot: &Robot, motion: &Motion, turns: &[Turn]) -> Vec<Vec<f64>> {
+    let joints: Vec<Vec<f64>> = (0..robot.model.nv()).map(|j| joint_series(robot, motion, j, turns)).collect();
     let mut out = motion.rigid.clone();
     for (k, &j) in robot.model.actuators.iter().enumerate() {
         add(&mut out[k], &joints[j]);
@@ -116,7 +117,7 @@ fn track<'m>(robot: &Robot, motion: &'m Motion, j: usize) -> Option<Track<'m>> {
 }
 
 /// Everything that acts at the coordinate of one joint.
-fn joint_series(robot: &Robot, motion: &Motion, j: usize, width: &[f64]) -> Vec<f64> {
+fn joint_series(robot: &Robot, motion: &Motion, j: usize, turns: &[Turn]) -> Vec<f64> {
     let dt = motion.segment.dt;
     let Some(t) = track(robot, motion, j) else { return vec![0.0; motion.segment.valid.len()] };
     let mut out: Vec<f64> = (0..t.q.len())
@@ -126,7 +127,7 @@ fn joint_series(robot: &Robot, motion: &Motion, j: usize, width: &[f64]) -> Vec<
                 q: t.q[i],
                 v: t.v[i],
                 a: t.a[i],
-                sign: soft_sign(t.v[i], width[j]),
+                sign: turns[j].sign(t.v[i]),
                 load: t.load.map_or(0.0, |l| l[i]),
                 warmth: t.warmth.get(i).copied().unwrap_or(time),
                 time,
@@ -147,7 +148,7 @@ fn joint_series(robot: &Robot, motion: &Motion, j: usize, width: &[f64]) -> Vec<
             }
             Law::PairEffort(law) => {
                 if let Some(pair) = pair_of(robot, motion, e, j) {
-                    add(&mut out, &paired(&pair, dt, width[e.place].max(width[j]), |s| law(&e.values, s)));
+                    add(&mut out, &paired(&pair, dt, turns[e.place].wider(turns[j]), |s| law(&e.values, s)));
                 }
             }
             _ => {}
@@ -165,11 +166,11 @@ fn pair_of<'m>(robot: &Robot, motion: &'m Motion, e: &Applied, j: usize) -> Opti
     Some([track(robot, motion, e.place)?, track(robot, motion, other)?])
 }
 
-fn paired([x, y]: &[Track; 2], dt: f64, width: f64, law: impl Fn(&JointState) -> f64) -> Vec<f64> {
+fn paired([x, y]: &[Track; 2], dt: f64, turn: Turn, law: impl Fn(&JointState) -> f64) -> Vec<f64> {
     (0..x.q.len())
         .map(|i| {
             let (time, v) = (dt * i as f64, x.v[i] + y.v[i]);
-            let (q, a, sign) = (x.q[i] + y.q[i], x.a[i] + y.a[i], soft_sign(v, width));
+            let (q, a, sign) = (x.q[i] + y.q[i], x.a[i] + y.a[i], turn.sign(v));
             law(&JointState { q, v, a, sign, warmth: time, time, ..JointState::default() })
         })
         .collect()

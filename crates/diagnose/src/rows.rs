@@ -23,8 +23,10 @@ pub(crate) struct Rows {
     pub(crate) valid: Vec<bool>,
     /// Rows in which each joint moves.
     pub(crate) moving: Vec<Vec<bool>>,
-    /// Rows whose filter window holds no standstill of the joint.
+    /// Rows whose filter window holds no standstill of the joint that is left out.
     pub(crate) clean: Vec<Vec<bool>>,
+    /// Weight of each row in fits: less than one where a drive turns over and a law says what its friction does meanwhile.
+    pub(crate) weight: Vec<Vec<f64>>,
     /// Velocity of each joint at each row.
     pub(crate) v: Vec<Vec<f64>>,
 }
@@ -100,6 +102,11 @@ impl FineGrid {
         self.edge.min(n_raw / (4 * BLOCKS))
     }
 
+    /// Whether a raw sample is far enough from both ends of `n` for its row to be used.
+    pub(crate) fn is_inside(&self, raw: usize, n: usize) -> bool {
+        raw >= self.edge && raw + self.edge < n
+    }
+
     /// Raw index of a row.
     pub(crate) fn raw_index(&self, row: usize) -> usize {
         row * self.step * self.thin
@@ -134,6 +141,14 @@ pub(crate) fn standstill(motion: &Motion, top: &[f64], band: f64) -> Vec<Vec<boo
         .collect()
 }
 
+/// Of the samples in which each joint stands those that no fit may use: all of them, or where a law says how a drive's friction turns over, none.
+pub(crate) fn left_out(motion: &Motion, still: &[Vec<bool>]) -> Vec<Vec<bool>> {
+    let mut out = still.to_vec();
+    let known = out.iter_mut().zip(&motion.turning_weight).filter(|(_, weight)| **weight > 0.0);
+    known.for_each(|(still, _)| still.fill(false));
+    out
+}
+
 /// Fold of each block of each segment.
 pub(crate) fn folds(motions: &[Motion]) -> (Vec<Vec<Option<usize>>>, usize) {
     let fitted = motions.iter().filter(|m| m.segment.used != Use::Holdout).count();
@@ -162,7 +177,7 @@ pub(crate) fn folds(motions: &[Motion]) -> (Vec<Vec<Option<usize>>>, usize) {
 }
 
 /// Rows of one segment.
-pub(crate) fn rows(motion: &Motion, grid: &FineGrid, folds: &[Option<usize>], still: &[Vec<bool>]) -> Rows {
+pub(crate) fn rows(motion: &Motion, grid: &FineGrid, folds: &[Option<usize>], (still, out): (&[Vec<bool>], &[Vec<bool>])) -> Rows {
     let s = &motion.segment;
     let n_raw = s.valid.len();
     let n = n_raw.div_ceil(grid.step).div_ceil(grid.thin);
@@ -176,13 +191,15 @@ pub(crate) fn rows(motion: &Motion, grid: &FineGrid, folds: &[Option<usize>], st
     let guard = grid.guard(n_raw);
     let is_apart = |i: usize| is_apart(&fold, i, guard, n_raw);
     // Share of each row's filter window in which a joint stands.
-    let standing: Vec<Vec<f64>> = still
-        .iter()
-        .map(|still| {
-            let share = grid.filter.apply(&still.iter().map(|s| f64::from(u8::from(*s))).collect::<Vec<_>>());
-            raw.iter().map(|&i| share[i]).collect()
-        })
-        .collect();
+    let share = |still: &Vec<bool>| -> Vec<f64> {
+        let share = grid.filter.apply(&still.iter().map(|s| f64::from(u8::from(*s))).collect::<Vec<_>>());
+        raw.iter().map(|&i| share[i]).collect()
+    };
+    let standing: Vec<Vec<f64>> = out.iter().map(share).collect();
+    let weight = |(j, still): (usize, &Vec<bool>)| {
+        let known = motion.turning_weight.get(j).copied().filter(|w| *w > 0.0);
+        known.map_or_else(|| vec![1.0; n], |w| share(still).iter().map(|x| if x.abs() < 0.01 { 1.0 } else { w }).collect())
+    };
     let such = |f: fn(f64) -> bool| standing.iter().map(|s| s.iter().map(|x| f(*x)).collect()).collect();
     let at = |x: &Vec<Vec<f64>>| x.iter().map(|x| raw.iter().map(|&i| x[i]).collect()).collect();
     Rows {
@@ -191,6 +208,7 @@ pub(crate) fn rows(motion: &Motion, grid: &FineGrid, folds: &[Option<usize>], st
         valid: raw.iter().map(|&i| clear(i) && is_apart(i)).collect(),
         moving: such(|x| x < 0.5),
         clean: such(|x| x.abs() < 0.01),
+        weight: still.iter().enumerate().map(weight).collect(),
         v: at(&s.v),
     }
 }

@@ -8,7 +8,7 @@ use pkm_dyn::spatial::Pose;
 
 use crate::columns::{Columns, Context, Shape, Source, View};
 use crate::design::{Chain, Series};
-use crate::motion::{Motion, motion, softness_widths, top_speed};
+use crate::motion::{Motion, motion, top_speed};
 use crate::segment::Segment;
 use crate::shelf::Shelf;
 use crate::verdict::Use;
@@ -85,14 +85,13 @@ impl Bench {
     /// Shapes of the effect's candidate of that number; none when there is no such candidate.
     pub(crate) fn shapes(&self, effect: &dyn Columns, number: usize) -> Vec<Shape> {
         let (m, n) = (&self.motion, self.model.n_act());
-        let widths = softness_widths(&self.model, m);
         let top: Vec<f64> = (0..n).map(|k| top_speed(&m.segment.v[k])).collect();
         let range: Vec<[f64; 2]> =
             m.segment.q.iter().map(|q| [q.iter().copied().fold(f64::MAX, f64::min), q.iter().copied().fold(f64::MIN, f64::max)]).collect();
         let travel: Vec<f64> = range.iter().map(|[low, high]| high - low).collect();
         let ctx = Context {
             model: &self.model,
-            widths: &widths,
+            widths: &m.turns,
             top_speed: &top,
             travel: &travel,
             range: &range,

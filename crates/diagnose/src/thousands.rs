@@ -7,7 +7,7 @@ use pkm_ident::filter::LowPass;
 use pkm_ident::mixed::{Pair, mixed};
 use pkm_ident::thousands::{Seen, other_units, seen};
 
-use crate::motion::{Motion, softness_widths};
+use crate::motion::Motion;
 use crate::segment::every;
 use crate::sharing;
 
@@ -17,14 +17,13 @@ pub(crate) fn reasons(robot: &Robot, motions: &[Motion]) -> Vec<String> {
 }
 
 fn of_motion(model: &Model, motion: &Motion) -> Vec<String> {
-    let widths = softness_widths(model, motion);
     let series: Vec<[Vec<f64>; 2]> = sharing::efforts_that_move(motion).into_iter().map(|e| e.map(|x| sampled(motion, &x))).collect();
     let drives: Vec<Option<Seen>> = series
         .iter()
         .enumerate()
         .map(|(k, [effort, given])| {
             let s = &motion.segment;
-            let direction = Motion::direction(&s.v[k], widths[0][model.actuators[k]]);
+            let direction = Motion::direction(&s.v[k], motion.turns[0][model.actuators[k]]);
             let own = [&vec![1.0; direction.len()], &s.v[k], &direction, &s.a[k]].map(|x| sampled(motion, x));
             seen(effort, given, &own)
         })

@@ -8,13 +8,14 @@ use pkm_ident::filter::{advanced, derivative};
 
 use crate::columns::{self, Columns, Context, Family, Shape, Source, StandardIds};
 use crate::design::{ColumnId, Design, Fine, Make, View};
-use crate::extents::{extents, largest_widths, ranges};
+use crate::extents::{extents, ranges, widest_turns};
 use crate::gram::{Gram, Targets};
 use crate::motion::Motion;
 use crate::screen;
 use crate::settings::{SOFTNESS, Settings};
 use crate::shelf::{Stored, Tape};
 use crate::solve::Over;
+use crate::turning::Turn;
 use crate::window::{Place, Scan};
 
 /// Positions are known this much better than efforts: what is worth a name there is smaller by this share.
@@ -105,8 +106,8 @@ pub(crate) struct Work<'w> {
     pushes: Option<Scan>,
     /// Weighted squared measured effort of each joint over the rows that are fitted.
     effort: Vec<f64>,
-    /// Widths over which directions of motion are smoothed: [softness][tree joint].
-    widths: Vec<Vec<f64>>,
+    /// How directions of motion pass through zero: [softness][tree joint].
+    pub(crate) widths: Vec<Vec<Turn>>,
 }
 
 impl<'w> Work<'w> {
@@ -133,7 +134,7 @@ impl<'w> Work<'w> {
     fn unweighted(robot: &'w Robot, made_from: &'w mut [Motion], (mut design, band): (Design, f64), only: Option<&[&str]>) -> Self {
         let motions = &*made_from;
         let model = &robot.model;
-        let widths = largest_widths(robot, motions);
+        let widths = widest_turns(motions);
         let standard = standard_columns(&mut design, motions, model, &widths);
         let (speeds, travel) = extents(motions, model.n_act());
         let massive = model.massive_links();
@@ -189,9 +190,15 @@ impl<'w> Work<'w> {
         self.effort = self.effort_power();
     }
 
-    /// Weighted squared measured effort of each joint over the rows that are fitted.
+    /// Squared measured effort of each joint over the rows that are fitted, in units of what a plain refit leaves there.
     fn effort_power(&self) -> Vec<f64> {
-        let cross = self.gram.cross(&self.design, &vec![self.measured()]);
+        let mut measured = self.measured();
+        for (j, of_joint) in measured.iter_mut().enumerate() {
+            for (x, rows) in of_joint.iter_mut().zip(&self.design.rows) {
+                x.iter_mut().zip(&rows.weight[j]).for_each(|(x, weight)| *x /= weight);
+            }
+        }
+        let cross = self.gram.cross(&self.design, &vec![measured]);
         let folds = &cross.yy[..self.gram.n_folds];
         let worth = |j: usize| if j < self.design.n_drives { 1.0 } else { POSITION_WORTH * POSITION_WORTH };
         (0..self.design.n_joints).map(|j| worth(j) * folds.iter().map(|f| f[j][0]).sum::<f64>()).collect()
@@ -236,10 +243,10 @@ impl<'w> Work<'w> {
         out
     }
 
-    /// Friction and offsets of the drives at a softness: what every model has besides inertias.
+    /// Friction and offsets of the drives at a softness, and how it may turn over: what every model has besides inertias.
     pub(crate) fn every_model_has(&self, softness: usize) -> Vec<ColumnId> {
         let s = &self.standard;
-        s.offset.iter().chain(&s.viscous).chain(&s.coulomb[softness]).copied().collect()
+        s.offset.iter().chain(&s.viscous).chain(&s.coulomb[softness]).chain(&s.turning).copied().collect()
     }
 
     /// Adds the inertial parameters with prior strength `kappa` (0: none at all); returns ids and inverse prior variances.
@@ -455,7 +462,7 @@ impl Work<'_> {
     }
 }
 
-fn standard_columns(design: &mut Design, motions: &[Motion], model: &Model, widths: &[Vec<f64>]) -> StandardIds {
+fn standard_columns(design: &mut Design, motions: &[Motion], model: &Model, widths: &[Vec<Turn>]) -> StandardIds {
     let n = model.n_act();
     let n_rigid = model.massive_links().len() * N_INERTIAL;
     let each = |f: fn(&Motion, usize) -> Vec<f64>| -> Vec<Make> {
@@ -467,16 +474,25 @@ fn standard_columns(design: &mut Design, motions: &[Motion], model: &Model, widt
         .iter()
         .map(|widths| {
             let sources = (0..n).map(|k| {
-                let width = widths[model.actuators[k]];
-                Box::new(move |m: &Motion| vec![(k, Motion::direction(&m.segment.v[k], width))]) as Make
+                let turn = widths[model.actuators[k]];
+                Box::new(move |m: &Motion| vec![(k, Motion::direction(&m.segment.v[k], turn))]) as Make
             });
             design.push(motions, sources.collect())
         })
         .collect();
+    let known: Vec<usize> = (0..n).filter(|&k| motions.iter().any(|m| m.turning_weight[k] > 0.0)).collect();
+    let beyond = known.iter().flat_map(|&k| {
+        let turn = move |w: usize| widths[w][model.actuators[k]];
+        (1..widths.len()).map(move |w| {
+            let (first, other) = (turn(0), turn(w));
+            Box::new(move |m: &Motion| vec![(k, m.segment.v[k].iter().map(|v| other.sign(*v) - first.sign(*v)).collect())]) as Make
+        })
+    });
+    let turning = design.push(motions, beyond.collect());
     let rigid =
         (0..n_rigid).map(|c| Box::new(move |m: &Motion| m.link_columns[c].iter().map(Tape::read).enumerate().collect()) as Make).collect();
     let rigid = design.push(motions, rigid);
-    StandardIds { rigid, viscous, coulomb, offset }
+    StandardIds { rigid, viscous, coulomb, offset, turning }
 }
 
 fn register(ctx: &Context, design: &mut Design, motions: &[Motion], standard: &StandardIds, only: Option<&[&str]>) -> Vec<Candidate> {

@@ -50,10 +50,13 @@ fn squared_at(work: &Work, joint: usize, own: &[(ColumnId, f64)], offset: Option
     let (xx, local) = (&work.gram.xx_all[joint], &work.gram.local[joint]);
     let there: Vec<(usize, f64)> = own.iter().filter_map(|(id, c)| local[*id].map(|l| (l, *c))).collect();
     let whole: f64 = there.iter().flat_map(|a| there.iter().map(move |b| (a, b))).map(|((a, x), (b, y))| x * y * xx[(*a, *b)]).sum();
+    // What acts at reversals is as large as it is, though these rows weigh less in fits.
+    let is_light = work.motions.iter().any(|m| m.turning_weight.get(joint).is_some_and(|w| *w > 0.0));
+    let scale = if is_light && whole > 0.0 { work.gram.felt(&work.design, joint, &there) / whole } else { 1.0 };
     let offset = offset.and_then(|id| local[id]);
     let constant = offset.map_or(0.0, |o| {
         let mean: f64 = there.iter().map(|(l, c)| c * xx[(*l, o)]).sum();
         if xx[(o, o)] > 0.0 { mean * mean / xx[(o, o)] } else { 0.0 }
     });
-    (whole - constant).max(0.0)
+    scale * (whole - constant).max(0.0)
 }

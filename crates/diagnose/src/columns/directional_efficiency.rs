@@ -2,7 +2,7 @@
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
 use crate::explain::number;
-use crate::motion::soft_sign;
+use crate::turning::Turn;
 
 /// See the catalogue entry of the same name.
 pub(super) struct Effect;
@@ -22,12 +22,12 @@ impl Columns for Effect {
 
     fn propose(&self, ctx: &Context) -> Vec<Proposal> {
         let shapes = |k: usize| {
-            let shape = |(w, widths): (usize, &Vec<f64>)| {
-                let width = widths[ctx.model.actuators[k]];
+            let shape = |(w, widths): (usize, &Vec<Turn>)| {
+                let turn = widths[ctx.model.actuators[k]];
                 let loss = |drives: bool| {
                     local(k, move |m, k| {
                         let is_in = |v: f64, load: f64| (v * load >= 0.0) == drives;
-                        let one = |(v, load): (&f64, &f64)| if is_in(*v, *load) { load.abs() * soft_sign(*v, width) } else { 0.0 };
+                        let one = |(v, load): (&f64, &f64)| if is_in(*v, *load) { load.abs() * turn.sign(*v) } else { 0.0 };
                         m.segment.v[k].iter().zip(&m.rigid[k]).map(one).collect()
                     })
                 };

@@ -2,7 +2,6 @@
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
 use crate::explain::number;
-use crate::motion::soft_sign;
 
 /// Shape whose damping differs with direction.
 const VISCOUS: f64 = 0.0;
@@ -30,9 +29,9 @@ impl Columns for Effect {
             let joint = ctx.model.actuators[k];
             let mut shapes = Vec::new();
             for (w, widths) in ctx.widths.iter().enumerate() {
-                let width = widths[joint];
+                let turn = widths[joint];
                 let speed = || local(k, |m, k| m.segment.v[k].iter().map(|v| v.abs()).collect());
-                let dry = local(k, move |m, k| m.segment.v[k].iter().map(|v| soft_sign(*v, width).abs()).collect());
+                let dry = local(k, move |m, k| m.segment.v[k].iter().map(|v| turn.sign(*v).abs()).collect());
                 // Not both at once: away from standstill the second is a constant, which an offset of the effort already is.
                 shapes.push(Shape::free(vec![speed()]).at(w).with(vec![VISCOUS]));
                 shapes.push(Shape::free(vec![dry]).at(w).with(vec![DRY]));

@@ -2,7 +2,7 @@
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
 use crate::explain::number;
-use crate::motion::soft_sign;
+use crate::turning::Turn;
 
 /// See the catalogue entry of the same name.
 pub(super) struct Effect;
@@ -23,11 +23,10 @@ impl Columns for Effect {
     fn propose(&self, ctx: &Context) -> Vec<Proposal> {
         let shapes = |k: usize| {
             let joint = ctx.model.actuators[k];
-            let shape = |(w, widths): (usize, &Vec<f64>)| {
-                let width = widths[joint];
-                let source = local(k, move |m, k| {
-                    m.segment.v[k].iter().zip(&m.rigid[k]).map(|(v, load)| load.abs() * soft_sign(*v, width)).collect()
-                });
+            let shape = |(w, widths): (usize, &Vec<Turn>)| {
+                let turn = widths[joint];
+                let source =
+                    local(k, move |m, k| m.segment.v[k].iter().zip(&m.rigid[k]).map(|(v, load)| load.abs() * turn.sign(*v)).collect());
                 Shape::free(vec![source]).at(w)
             };
             ctx.widths.iter().enumerate().map(shape).collect()

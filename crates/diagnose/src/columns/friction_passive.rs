@@ -4,7 +4,7 @@ use pkm_dyn::effects::Site;
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, global};
 use crate::explain::number;
-use crate::motion::{Passive, soft_sign};
+use crate::motion::Passive;
 
 /// See the catalogue entry of the same name.
 pub(super) struct Effect;
@@ -29,8 +29,8 @@ impl Columns for Effect {
         for (p, &joint) in passive.iter().enumerate().filter(|(_, j)| !coupled(**j)) {
             let mut shapes = Vec::new();
             for (w, widths) in ctx.widths.iter().enumerate() {
-                let width = widths[joint];
-                let dry = || global(move |m| projected(&m.passive[p], |v| soft_sign(v, width)));
+                let turn = widths[joint];
+                let dry = || global(move |m| projected(&m.passive[p], |v| turn.sign(v)));
                 let damping = || global(move |m| projected(&m.passive[p], |v| v));
                 shapes.push(Shape::free(vec![dry(), damping()]).at(w));
                 shapes.push(Shape::free(vec![dry()]).at(w).with(vec![0.0]));

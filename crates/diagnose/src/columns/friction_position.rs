@@ -2,7 +2,6 @@
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, Source, View, local, stroke};
 use crate::explain::number;
-use crate::motion::soft_sign;
 
 /// See the catalogue entry of the same name.
 pub(super) struct Effect;
@@ -28,12 +27,12 @@ impl Columns for Effect {
             let [middle, half] = stroke(ctx, k);
             let mut shapes = Vec::new();
             for (w, widths) in ctx.widths.iter().enumerate() {
-                let width = widths[ctx.model.actuators[k]];
+                let turn = widths[ctx.model.actuators[k]];
                 for degree in 1..=DEGREE {
                     let mut sources: Vec<Source> = (1..degree).map(|p| Source::Again(w * DEGREE + p - 1)).collect();
                     sources.push(local(k, move |m, k| {
                         let level = |q: &f64| power((q - middle) / half, degree);
-                        m.segment.q[k].iter().zip(&m.segment.v[k]).map(|(q, v)| level(q) * soft_sign(*v, width)).collect()
+                        m.segment.q[k].iter().zip(&m.segment.v[k]).map(|(q, v)| level(q) * turn.sign(*v)).collect()
                     }));
                     shapes.push(Shape::free(sources).at(w).with(vec![middle, half]));
                 }

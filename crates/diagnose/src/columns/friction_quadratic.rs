@@ -4,7 +4,6 @@ use pkm_dyn::math;
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
 use crate::explain::number;
-use crate::motion::soft_sign;
 
 /// Powers to try: a concave one, and those of churning oil, of air, and of a pump.
 const EXPONENTS: [f64; 4] = [0.5, 1.5, 2.0, 3.0];
@@ -30,9 +29,9 @@ impl Columns for Effect {
             let joint = ctx.model.actuators[k];
             let mut shapes = Vec::new();
             for (w, widths) in ctx.widths.iter().enumerate() {
-                let width = widths[joint];
+                let turn = widths[joint];
                 for exponent in EXPONENTS {
-                    let power = move |v: &f64| math::powf(v.abs(), exponent) * soft_sign(*v, width);
+                    let power = move |v: &f64| math::powf(v.abs(), exponent) * turn.sign(*v);
                     let source = local(k, move |m, k| m.segment.v[k].iter().map(power).collect());
                     shapes.push(Shape::free(vec![source]).at(w).with(vec![exponent]));
                 }

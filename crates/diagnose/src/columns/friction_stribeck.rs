@@ -4,7 +4,6 @@ use pkm_dyn::math;
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local};
 use crate::explain::number;
-use crate::motion::soft_sign;
 
 /// Widths to try, as shares of the top speed.
 const SHARES: [f64; 6] = [0.02, 0.04, 0.08, 0.15, 0.25, 0.4];
@@ -31,15 +30,15 @@ impl Columns for Effect {
             let joint = ctx.model.actuators[k];
             let mut shapes = Vec::new();
             for (w, widths) in ctx.widths.iter().enumerate() {
-                let width = widths[joint];
+                let turn = widths[joint];
                 for share in SHARES {
                     let speed = share * ctx.top_speed[k];
                     // A bump no wider than the smoothing of the direction would be the smoothing's own error.
-                    if speed < 2.0 * width {
+                    if speed < 2.0 * turn.width {
                         continue;
                     }
                     let source = local(k, move |m, k| {
-                        m.segment.v[k].iter().map(|v| soft_sign(*v, width) * math::exp(-(v / speed) * (v / speed))).collect()
+                        m.segment.v[k].iter().map(|v| turn.sign(*v) * math::exp(-(v / speed) * (v / speed))).collect()
                     });
                     shapes.push(Shape::free(vec![source]).at(w).with(vec![speed]));
                 }

@@ -46,6 +46,7 @@ use crate::design::{Chain, ColumnId, Make};
 use crate::explain::number;
 use crate::held::Held;
 use crate::motion::Motion;
+use crate::turning::Turn;
 
 /// Every effect's columns.
 pub(crate) const ALL: &[&dyn Columns] = &[
@@ -122,8 +123,8 @@ pub(crate) enum Axis {
 /// What columns are made from, besides the motions.
 pub(crate) struct Context<'c> {
     pub(crate) model: &'c Model,
-    /// Widths of directions: [softness][tree joint], largest over segments `[m/s | rad/s]`.
-    pub(crate) widths: &'c [Vec<f64>],
+    /// How directions pass through zero: [softness][tree joint], widest over segments.
+    pub(crate) widths: &'c [Vec<Turn>],
     /// Top speed of each drive over all segments.
     pub(crate) top_speed: &'c [f64],
     /// Travel of each drive over all segments.
@@ -358,6 +359,8 @@ pub(crate) struct StandardIds {
     pub(crate) viscous: Vec<ColumnId>,
     pub(crate) coulomb: Vec<Vec<ColumnId>>,
     pub(crate) offset: Vec<ColumnId>,
+    /// What one law of turning over has beyond another, of drives whose reversals are fitted: theirs may lie between the laws.
+    pub(crate) turning: Vec<ColumnId>,
 }
 
 #[cfg(test)]

@@ -2,7 +2,6 @@
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, Source, View, pair};
 use crate::explain::number;
-use crate::motion::soft_sign;
 
 /// Shapes with one cause only: which of the law's parameters it is.
 const INERTIA: f64 = 0.0;
@@ -63,8 +62,9 @@ fn shapes(ctx: &Context, drives: [usize; 2]) -> Vec<Shape> {
     out.push(Shape::free(vec![acceleration()]).with(vec![INERTIA]));
     out.push(Shape::free(vec![speed()]).with(vec![VISCOUS]));
     for (w, widths) in ctx.widths.iter().enumerate() {
-        let width = drives.iter().map(|&k| widths[ctx.model.actuators[k]]).fold(0.0, f64::max);
-        let dry = pair(drives, move |m, [i, j], t| soft_sign(m.segment.v[i][t] + m.segment.v[j][t], width));
+        let [turn, other] = drives.map(|k| widths[ctx.model.actuators[k]]);
+        let turn = turn.wider(other);
+        let dry = pair(drives, move |m, [i, j], t| turn.sign(m.segment.v[i][t] + m.segment.v[j][t]));
         out.push(Shape::free(vec![dry]).at(w).with(vec![COULOMB]));
         out.push(Shape::free(vec![Source::Again(0), Source::Again(2 + w), Source::Again(1)]).at(w));
     }
