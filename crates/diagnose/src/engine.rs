@@ -12,12 +12,11 @@ use crate::error::InputError;
 use crate::evidence::Diagnosis;
 use crate::integrity::{Integrity, integrity};
 use crate::located::{Watch, located};
-use crate::sensitivity::Lengths;
 use crate::settings::Settings;
 use crate::shelf::Shelf;
 use crate::verdict::Use;
 use crate::work::Work;
-use crate::{gate, motion, search, segment, thinned, thousands, turning};
+use crate::{gate, motion, reversals, search, segment, thinned, thousands};
 
 /// Finds the physics that the robot's files leave out of what the recordings show.
 ///
@@ -118,8 +117,7 @@ pub fn diagnose_watched(
         // As many at a time as there are cores, so that progress can be told between.
         let some: Vec<_> = waiting.by_ref().take(rayon::current_num_threads()).collect();
         // Of several that fail the first is told, so errors are looked for in order and not as they come.
-        let made: Result<Vec<_>, _> =
-            some.into_par_iter().map(|s| motion::followed_along(robot, s, Lengths::Taken)).collect::<Vec<_>>().into_iter().collect();
+        let made: Result<Vec<_>, _> = some.into_par_iter().map(|s| motion::motion(robot, s)).collect::<Vec<_>>().into_iter().collect();
         match made {
             Ok(made) => motions.extend(made),
             Err(open @ InputError::Open { .. }) => {
@@ -130,11 +128,11 @@ pub fn diagnose_watched(
         }
         watch.progress(0.2 * motions.len() as f64 / n as f64);
     }
-    turning::settle_and_fill(robot, &mut motions, band);
     let reasons = [gate::reasons(robot, &motions), gate::clocks(robot, &motions), thousands::reasons(robot, &motions)].concat();
     if !reasons.is_empty() {
         return Ok(gate::unusable(robot, &all, &reasons, notes));
     }
+    reversals::fit_where_they_tell(robot, &mut motions, band, settings);
     let design = Design::new(robot, &motions, band);
     watch.located(located(&robot.model, &motions, &design).as_ref());
     let mut work = Work::new(robot, &mut motions, design, band, only.as_deref());

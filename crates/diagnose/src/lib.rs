@@ -47,6 +47,7 @@ mod refine;
 mod regimes;
 mod repeatable;
 mod replay;
+mod reversals;
 mod rows;
 mod screen;
 mod search;

@@ -125,13 +125,6 @@ pub(crate) fn motion(robot: &Robot, segment: Segment) -> Result<Motion, InputErr
 
 /// The same, with or without what wrong lengths would do: most of the work where a robot has loops.
 pub(crate) fn motion_with(robot: &Robot, segment: Segment, lengths: Lengths) -> Result<Motion, InputError> {
-    let mut out = followed_along(robot, segment, lengths)?;
-    nominal::fill(robot, &mut out);
-    Ok(out)
-}
-
-/// The same without the effort of the model as given, for whoever has yet to say how directions pass through zero.
-pub(crate) fn followed_along(robot: &Robot, segment: Segment, lengths: Lengths) -> Result<Motion, InputError> {
     let mut model = robot.model.clone();
     if let Some(g) = segment.gravity {
         model.gravity = g.into();
@@ -181,6 +174,7 @@ pub(crate) fn followed_along(robot: &Robot, segment: Segment, lengths: Lengths) 
     pass.run()?;
     let mut out = pass.out;
     out.turns = softnesses(&robot.model, &out);
+    nominal::fill(robot, &mut out);
     Ok(out)
 }
 
@@ -383,7 +377,7 @@ fn weight(model: &Model, data: &mut Data, gravity: nalgebra::Vector3<f64>) -> Ve
 }
 
 /// How directions pass through zero where nothing else says it: [softness][tree joint].
-fn softnesses(model: &Model, motion: &Motion) -> Vec<Vec<Turn>> {
+pub(crate) fn softnesses(model: &Model, motion: &Motion) -> Vec<Vec<Turn>> {
     let mut top = vec![0.0; model.nv()];
     for (k, &j) in model.actuators.iter().enumerate() {
         top[j] = top_speed(&motion.segment.v[k]);

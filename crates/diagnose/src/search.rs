@@ -123,6 +123,19 @@ fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn
     last
 }
 
+/// Whether a lag or delay stands out of what models with every ordinary parameter free leave, on fitted rows and on held-out ones.
+pub(crate) fn shows_a_chain(work: &mut Work, band: f64, settings: &Settings) -> bool {
+    work.kappa = choose_prior(work);
+    refresh_chain(work, band);
+    let grounds = grounds(work, work.kappa);
+    let best = best_ground(work, &grounds);
+    work.set_softness(grounds[best].softness);
+    let left = left_over(work, &grounds[best]);
+    let pool: Vec<usize> = (0..work.candidates.len()).filter(|&c| work.candidates[c].effect.family() == Family::Chain).collect();
+    let mut now = contest(work, &pool, &grounds, &left, settings);
+    decide(work, &mut now, &grounds, settings).is_some_and(|pick| holds(work, &pick, &grounds, settings))
+}
+
 /// Whether structure found on the fitted rows is worth a name on the held-out ones too, on top of what was there before it. Several small wrong
 /// ones, each needed to mend the others, would all pass a test against the rest of them.
 fn holds(work: &Work, pick: &Pick, grounds: &[Ground], settings: &Settings) -> bool {

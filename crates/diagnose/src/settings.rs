@@ -105,7 +105,7 @@ pub(crate) const FEWEST_HARMONICS: f64 = 5.0;
 /// Blocks a recording is cut into; without a separate hold-out every second one is held out.
 pub(crate) const BLOCKS: usize = 10;
 
-/// Smoothing of the direction of motion near zero speed where no recording says it ([`crate::turning`]), as shares of the joint's top speed.
+/// Smoothing of the direction of motion near zero speed where reversals are not fitted ([`crate::turning`]), as shares of the joint's top speed.
 ///
 /// The widest is the speed at which a joint counts as standing still: a wider smoothing would bend the friction of a moving joint.
 pub(crate) const SOFTNESS: [f64; 3] = [0.001, 0.003, 0.01];

@@ -10,7 +10,6 @@ use pkm_dyn::math;
 use rayon::prelude::*;
 
 use crate::motion::{Motion, soft_sign, top_speed};
-use crate::nominal;
 use crate::rows::{FineGrid, standstill};
 use crate::settings::SOFTNESS;
 use crate::verdict::Use;
@@ -88,22 +87,17 @@ struct Fitted {
     weight: f64,
 }
 
-/// Settles how directions pass through zero, then fills in the effort of the model as given.
-pub(crate) fn settle_and_fill(robot: &Robot, motions: &mut [Motion], band: f64) {
-    settle(robot, motions, band);
-    motions.par_iter_mut().for_each(|m| nominal::fill(robot, m));
-}
-
-/// Fits how the drives' friction turns over and puts it into all motions, held-out ones as well; what is fitted comes from the others.
-fn settle(robot: &Robot, motions: &mut [Motion], band: f64) {
+/// Fits how the drives' friction turns over and puts it into all motions, held-out ones as well; what is fitted comes from the others. Whether that of any
+/// drive follows its speed.
+pub(crate) fn settle(robot: &Robot, motions: &mut [Motion], band: f64) -> bool {
     let n = robot.model.n_act();
     // What one of several surplus drives does at its reversals is in the rows of all.
     if motions.iter().any(|m| !m.moves.is_empty()) {
-        return;
+        return false;
     }
     let fitted: Vec<&Motion> = motions.iter().filter(|m| m.segment.used != Use::Holdout).collect();
     let top: Vec<f64> = (0..n).map(|k| fitted.iter().map(|m| top_speed(&m.segment.v[k])).fold(0.0, f64::max)).collect();
-    let Some(scene) = Scene::new(&fitted, &top, band) else { return };
+    let Some(scene) = Scene::new(&fitted, &top, band) else { return false };
     let found: Vec<Option<Fitted>> = (0..n).into_par_iter().map(|k| scene.fit(k, top[k])).collect();
     for m in motions {
         for (k, found) in found.iter().enumerate() {
@@ -113,6 +107,7 @@ fn settle(robot: &Robot, motions: &mut [Motion], band: f64) {
             m.turning_weight[k] = found.weight;
         }
     }
+    found.iter().flatten().any(|f| f.weight > 0.0)
 }
 
 /// The fitted recordings, filtered, with what every drive's effort is compared with.

@@ -118,6 +118,13 @@ impl<'w> Work<'w> {
         out
     }
 
+    /// The same of the named effects only, and the motions stay whole for whoever comes after.
+    pub(crate) fn looking(robot: &'w Robot, motions: &'w [Motion], made: (Design, f64), only: &[&str]) -> Self {
+        let mut out = Parts::of(robot, motions, made, Some(only)).assembled(robot, motions);
+        out.weigh();
+        out
+    }
+
     /// The same with given weights of the joints, and of the named effects only: what was measured plays no part.
     pub(crate) fn planned(robot: &'w Robot, motions: &'w mut [Motion], band: f64, weight: &[f64], only: Option<&[&str]>) -> Self {
         let design = Design::new(robot, motions, band);
@@ -131,40 +138,10 @@ impl<'w> Work<'w> {
         out
     }
 
-    fn unweighted(robot: &'w Robot, made_from: &'w mut [Motion], (mut design, band): (Design, f64), only: Option<&[&str]>) -> Self {
-        let motions = &*made_from;
-        let model = &robot.model;
-        let widths = widest_turns(motions);
-        let standard = standard_columns(&mut design, motions, model, &widths);
-        let (speeds, travel) = extents(motions, model.n_act());
-        let massive = model.massive_links();
-        let range = ranges(motions, model.n_act());
-        let (top_speed, travel, massive, widths) = (&speeds, &travel, &massive, &widths);
-        let ctx = Context { model, widths, top_speed, travel, range: &range, motions, band, massive };
-        let candidates = register(&ctx, &mut design, motions, &standard, only);
-        let rigid_spread = massive.iter().flat_map(|&l| columns::inertia_error::spread(&model.links[l].parameters)).collect();
-        let pushes = Scan::of(motions);
+    fn unweighted(robot: &'w Robot, made_from: &'w mut [Motion], made: (Design, f64), only: Option<&[&str]>) -> Self {
+        let parts = Parts::of(robot, made_from, made, only);
         made_from.iter_mut().for_each(Motion::shed);
-        let motions = &*made_from;
-        let gram = Gram::new(&design);
-        Self {
-            robot,
-            baseline: crate::refine::baseline(robot),
-            motions,
-            design,
-            gram,
-            candidates,
-            standard,
-            rigid_spread,
-            picks: Vec::new(),
-            softness: 0,
-            kappa: 0.0,
-            missing: vec![0.0; model.n_act()],
-            is_refitted: false,
-            pushes,
-            effort: Vec::new(),
-            widths: widths.clone(),
-        }
+        parts.assembled(robot, made_from)
     }
 
     /// Weights each joint by what a plain refit leaves there, so that no joint drowns the others.
@@ -459,6 +436,54 @@ impl Work<'_> {
         let c = &self.candidates[candidate];
         let place = self.drive(candidate).map_or(Place::Link(c.place), Place::Drive);
         self.pushes.as_ref().map_or(1.0, |scan| scan.chance(place, settings))
+    }
+}
+
+/// What is made of the motions before anything is compared.
+struct Parts {
+    design: Design,
+    candidates: Vec<Candidate>,
+    standard: StandardIds,
+    rigid_spread: Vec<f64>,
+    pushes: Option<Scan>,
+    widths: Vec<Vec<Turn>>,
+}
+
+impl Parts {
+    fn of(robot: &Robot, motions: &[Motion], (mut design, band): (Design, f64), only: Option<&[&str]>) -> Self {
+        let model = &robot.model;
+        let widths = widest_turns(motions);
+        let standard = standard_columns(&mut design, motions, model, &widths);
+        let (speeds, travel) = extents(motions, model.n_act());
+        let massive = model.massive_links();
+        let range = ranges(motions, model.n_act());
+        let (top_speed, travel, massive) = (&speeds, &travel, &massive);
+        let ctx = Context { model, widths: &widths, top_speed, travel, range: &range, motions, band, massive };
+        let candidates = register(&ctx, &mut design, motions, &standard, only);
+        let rigid_spread = massive.iter().flat_map(|&l| columns::inertia_error::spread(&model.links[l].parameters)).collect();
+        Self { design, candidates, standard, rigid_spread, pushes: Scan::of(motions), widths }
+    }
+
+    fn assembled<'w>(self, robot: &'w Robot, motions: &'w [Motion]) -> Work<'w> {
+        let Self { design, candidates, standard, rigid_spread, pushes, widths } = self;
+        Work {
+            robot,
+            baseline: crate::refine::baseline(robot),
+            motions,
+            gram: Gram::new(&design),
+            design,
+            candidates,
+            standard,
+            rigid_spread,
+            picks: Vec::new(),
+            softness: 0,
+            kappa: 0.0,
+            missing: vec![0.0; robot.model.n_act()],
+            is_refitted: false,
+            pushes,
+            effort: Vec::new(),
+            widths,
+        }
     }
 }
 
