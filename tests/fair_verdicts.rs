@@ -191,3 +191,29 @@ fn an_alias_comes_with_an_experiment_whose_angle_holds_when_it_is_done() {
     assert!(gains.anchored > 0.3 && gains.refit < 0.01 && gains.depends, "{gains:?}");
     assert!(f.says.contains("It rests on the inertias of the model"), "{}", f.says);
 }
+
+/// A slide whose friction follows its speed, under efforts that act `late` seconds after they are recorded.
+fn with_reversals(late: f64) -> Verdict {
+    let record = |seed: u64, waves: &[(f64, f64)]| {
+        let n = 8000;
+        let motion = wave(waves, 0.4 * seed as f64, n);
+        // Direction turns over at 4 mm/s, 0.7 % of the top speed.
+        let acts: Vec<f64> = motion.iter().map(|(_, v, a)| 10.0 * a + 5.0 * v + DRY * math::tanh(v / 4e-3)).collect();
+        let recorded = pkm_ident::filter::advanced(&acts, late, STEP_S);
+        recording(&format!("r{seed}"), &[("x", &motion, recorded)], 0.2, seed)
+    };
+    let train = [record(1, &WAVES), record(2, &[(0.15, 0.5), (0.05, 1.3)])];
+    let holdout = [record(3, &[(0.18, 0.45), (0.06, 1.2)])];
+    run(&slides(&[("x", "base")]), &train, &holdout, None).verdict
+}
+
+#[test]
+fn a_short_delay_is_found_at_the_reversals_of_a_drive_whose_friction_follows_its_speed() {
+    const LATE: f64 = 1e-3;
+    let verdict = with_reversals(LATE);
+    let found = verdict.findings.iter().find(|f| f.effect == "time_delay").unwrap_or_else(|| panic!("{}", verdict.says));
+    let delay = found.parameters["delay"].value;
+    assert!((delay / LATE - 1.0).abs() < 0.2, "{delay}");
+    let healthy = with_reversals(0.0);
+    assert!(healthy.nothing_missing, "{}", healthy.says);
+}
