@@ -85,16 +85,22 @@ fn choose_prior(work: &Work) -> f64 {
     best.0
 }
 
+/// Models with every ordinary parameter free, chains made anew about them, and what the one that predicts best leaves: [joint][segment][row].
+fn standing(work: &mut Work, band: f64) -> (Vec<Ground>, Vec<Vec<Vec<f64>>>) {
+    work.kappa = choose_prior(work);
+    refresh_chain(work, band);
+    let grounds = grounds(work, work.kappa);
+    let best = best_ground(work, &grounds);
+    work.set_softness(grounds[best].softness);
+    let left = left_over(work, &grounds[best]);
+    (grounds, left)
+}
+
 fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn FnMut(f64)) -> Contest {
     let mut refused: Vec<Score> = Vec::new();
     let mut step = 0;
     let mut last = loop {
-        work.kappa = choose_prior(work);
-        refresh_chain(work, band);
-        let grounds = grounds(work, work.kappa);
-        let best = best_ground(work, &grounds);
-        work.set_softness(grounds[best].softness);
-        let left = left_over(work, &grounds[best]);
+        let (grounds, left) = standing(work, band);
         let pool: Vec<usize> = (0..work.candidates.len())
             .filter(|&c| work.candidates[c].effect.family() != Family::Standard && !is_picked(work, c))
             .filter(|&c| !second_chain(work, c) && !same_body(work, c) && !same_push(work, c) && !refused.iter().any(|s| s.candidate == c))
@@ -125,12 +131,7 @@ fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn
 
 /// Whether a lag or delay stands out of what models with every ordinary parameter free leave, on fitted rows and on held-out ones.
 pub(crate) fn shows_a_chain(work: &mut Work, band: f64, settings: &Settings) -> bool {
-    work.kappa = choose_prior(work);
-    refresh_chain(work, band);
-    let grounds = grounds(work, work.kappa);
-    let best = best_ground(work, &grounds);
-    work.set_softness(grounds[best].softness);
-    let left = left_over(work, &grounds[best]);
+    let (grounds, left) = standing(work, band);
     let pool: Vec<usize> = (0..work.candidates.len()).filter(|&c| work.candidates[c].effect.family() == Family::Chain).collect();
     let mut now = contest(work, &pool, &grounds, &left, settings);
     decide(work, &mut now, &grounds, settings).is_some_and(|pick| holds(work, &pick, &grounds, settings))

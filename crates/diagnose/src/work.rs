@@ -120,7 +120,8 @@ impl<'w> Work<'w> {
 
     /// The same of the named effects only, and the motions stay whole for whoever comes after.
     pub(crate) fn looking(robot: &'w Robot, motions: &'w [Motion], made: (Design, f64), only: &[&str]) -> Self {
-        let mut out = Parts::of(robot, motions, made, Some(only)).assembled(robot, motions);
+        // Pushes are none of these.
+        let mut out = Parts::of(robot, motions, made, Some(only)).assembled(robot, motions, None);
         out.weigh();
         out
     }
@@ -140,8 +141,9 @@ impl<'w> Work<'w> {
 
     fn unweighted(robot: &'w Robot, made_from: &'w mut [Motion], made: (Design, f64), only: Option<&[&str]>) -> Self {
         let parts = Parts::of(robot, made_from, made, only);
+        let pushes = Scan::of(made_from);
         made_from.iter_mut().for_each(Motion::shed);
-        parts.assembled(robot, made_from)
+        parts.assembled(robot, made_from, pushes)
     }
 
     /// Weights each joint by what a plain refit leaves there, so that no joint drowns the others.
@@ -445,7 +447,6 @@ struct Parts {
     candidates: Vec<Candidate>,
     standard: StandardIds,
     rigid_spread: Vec<f64>,
-    pushes: Option<Scan>,
     widths: Vec<Vec<Turn>>,
 }
 
@@ -461,11 +462,11 @@ impl Parts {
         let ctx = Context { model, widths: &widths, top_speed, travel, range: &range, motions, band, massive };
         let candidates = register(&ctx, &mut design, motions, &standard, only);
         let rigid_spread = massive.iter().flat_map(|&l| columns::inertia_error::spread(&model.links[l].parameters)).collect();
-        Self { design, candidates, standard, rigid_spread, pushes: Scan::of(motions), widths }
+        Self { design, candidates, standard, rigid_spread, widths }
     }
 
-    fn assembled<'w>(self, robot: &'w Robot, motions: &'w [Motion]) -> Work<'w> {
-        let Self { design, candidates, standard, rigid_spread, pushes, widths } = self;
+    fn assembled<'w>(self, robot: &'w Robot, motions: &'w [Motion], pushes: Option<Scan>) -> Work<'w> {
+        let Self { design, candidates, standard, rigid_spread, widths } = self;
         Work {
             robot,
             baseline: crate::refine::baseline(robot),
