@@ -217,3 +217,36 @@ fn a_short_delay_is_found_at_the_reversals_of_a_drive_whose_friction_follows_its
     let healthy = with_reversals(0.0);
     assert!(healthy.nothing_missing, "{}", healthy.says);
 }
+
+/// A slide whose way is worn in places: `worn` N of further friction there, which no law of the catalogue describes.
+fn on_a_worn_way(worn: f64) -> Diagnosis {
+    let places = [-0.15, -0.03, 0.12];
+    let record = |seed: u64, waves: &[(f64, f64)]| {
+        let motion = wave(waves, 0.4 * seed as f64, 15_000);
+        let at = |q: f64| places.iter().map(|p| math::exp(-((q - p) / 0.02) * ((q - p) / 0.02))).sum::<f64>();
+        let tau = effort(&motion, 10.0).iter().zip(&motion).map(|(t, (q, v, _))| t + worn * at(*q) * v.signum()).collect();
+        recording(&format!("r{seed}"), &[("x", &motion, tau)], 0.2, seed)
+    };
+    let train = [record(1, &WAVES), record(2, &[(0.17, 0.5), (0.07, 0.9)])];
+    let holdout = [record(3, &[(0.18, 0.45), (0.07, 1.0)])];
+    run(&slides(&[("x", "base")]), &train, &holdout, Some(20.0))
+}
+
+#[test]
+fn friction_of_single_places_stays_without_a_name_and_is_shown_in_either_direction() {
+    let worn = on_a_worn_way(6.0);
+    let u = &worn.verdict.unexplained;
+    assert!(u.present && u.place == ["x"], "{}", worn.verdict.says);
+    assert!(u.depends_on.iter().any(|s| s == "q.x by direction"), "{:?}", u.depends_on);
+    let mean = |way: &str| {
+        let name = format!("q.x by direction, {way}");
+        let curve = worn.evidence.dependences.iter().find(|d| d.joint == "x" && d.signal == name).unwrap_or_else(|| panic!("no {name}"));
+        curve.mean.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), m| (low.min(*m), high.max(*m)))
+    };
+    // Against the motion, one way and the other: peaks where the way is worn, and the mean of them is in the refitted friction.
+    let (forwards, backwards) = (mean("forwards"), mean("backwards"));
+    assert!(forwards.1 > 1.0 && forwards.1 > -forwards.0, "{forwards:?}");
+    assert!(backwards.0 < -1.0 && -backwards.0 > backwards.1, "{backwards:?}");
+    let smooth = on_a_worn_way(0.0).verdict;
+    assert!(smooth.nothing_missing && !smooth.unexplained.present, "{}", smooth.says);
+}

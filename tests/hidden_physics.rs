@@ -100,22 +100,28 @@ fn coulomb_hidden_at_a_slider_is_named_sized_and_pays() {
     assert!(d.verdict.heldout.rms_final < 0.7 * d.verdict.heldout.rms_nominal, "{:?}", d.verdict.heldout);
 }
 
+/// Parallel robots with passive joints of every kind, and a serial arm.
+const ROBOTS: [&str; 5] = ["prs3", "ups3_rpu1", "motobotte", "five_bar", "serial_arm"];
+
 #[test]
 fn nothing_hidden_is_called_nothing_missing() {
-    let seeds = if is_long() { 20 } else { 2 };
+    let seeds: u64 = if is_long() { 40 } else { 4 };
     let mut alarms = Vec::new();
-    for robot in ["prs3", "serial_arm"] {
+    for robot in ROBOTS {
         let nominal = shipped(robot);
         for seed in 1..=seeds {
-            let d = trial(&nominal, &[], seed);
-            alarms.extend(d.verdict.findings.iter().map(|f| format!("{robot} seed {seed}: {}", f.says)));
+            let v = trial(&nominal, &[], seed).verdict;
+            if !v.nothing_missing {
+                // What is said to be missing without a name is an alarm as well.
+                let what = v.findings.first().map_or(&v.unexplained.says, |f| &f.says);
+                alarms.push(format!("{robot} seed {seed}: {what}"));
+            }
         }
     }
-    pkm_tests::results_table(
-        "healthy_simulated",
-        &format!("{} false findings in {} runs\n{}\n", alarms.len(), 2 * seeds, alarms.join("\n")),
-    );
-    assert!(alarms.len() <= 1, "{}", alarms.join("\n"));
+    let runs = seeds * ROBOTS.len() as u64;
+    pkm_tests::results_table("healthy_simulated", &format!("{} false alarms in {runs} runs\n{}\n", alarms.len(), alarms.join("\n")));
+    // Ten of two hundred are allowed by what the tool is asked to do; half of that is asked here.
+    assert!(40 * alarms.len() as u64 <= runs, "{} of {runs}:\n{}", alarms.len(), alarms.join("\n"));
 }
 
 #[test]

@@ -79,8 +79,8 @@ pub(crate) fn assemble(
     commands::refine(&mut refined, work, mismatches);
     let heldout = heldout(work, &nominal, &fin.left, band);
     let moving = work.residual(&fin.fit.ids, &fin.fit.theta, work.softness, View::Fit);
-    let views = Views { nominal: &nominal, left: &fin.left, moving: &moving };
-    let leftover = unexplained(work, &views, &found.last, settings);
+    let given = left_as_given(work, &work.missing, View::Fit);
+    let leftover = unexplained(work, &Views { nominal: &nominal, left: &fin.left, given: &given, moving: &moving }, &found.last, settings);
     let mut evidence = evidence(work, &fin, (&nominal, &steps, found), settings);
     (evidence.dependences, evidence.lines) = (leftover.curves, leftover.lines);
     let unexplained = leftover.verdict;

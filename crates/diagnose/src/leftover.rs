@@ -1,7 +1,7 @@
 //! What is left after every finding: where most of the error stays, and on what it depends.
 
 use crate::contest::Contest;
-use crate::dependence::{Depends, curve, dependences, lines};
+use crate::dependence::{Depends, curves, dependences, lines};
 use crate::evidence::{Dependence, Lines};
 use crate::final_fit::{JointError, errors, errors_in_motion, white_power};
 use crate::rows::Rows;
@@ -13,8 +13,6 @@ use crate::work::Work;
 const LARGE: f64 = 0.2;
 /// Neighbouring rows of filtered white noise correlate by 0.23; above this it is a shape.
 const COLOURED: f64 = 0.5;
-/// A dependence is worth words from this many times the size from which an effect is worth a name: what has no name must be plainer.
-const PLAIN: f64 = 2.0;
 
 type Left = [Vec<Vec<f64>>];
 
@@ -25,10 +23,12 @@ pub(crate) struct Leftover {
     pub(crate) lines: Vec<Lines>,
 }
 
-/// The same leftover as the verdict judges it, standstill included, before and after, and as fits see it.
+/// The same leftover as the verdict judges it, standstill included, before and after, and as fits see it, where a joint moves.
 pub(crate) struct Views<'v> {
     pub(crate) nominal: &'v Left,
     pub(crate) left: &'v Left,
+    /// Before, as fits see it.
+    pub(crate) given: &'v Left,
     pub(crate) moving: &'v Left,
 }
 
@@ -36,7 +36,7 @@ pub(crate) struct Views<'v> {
 /// that was refused.
 pub(crate) fn unexplained(work: &Work, views: &Views, last: &[Contest], settings: &Settings) -> Leftover {
     let (before, after) = (errors(work, views.nominal), errors(work, views.left));
-    let in_motion = errors_in_motion(work, views.moving);
+    let (given, in_motion) = (errors_in_motion(work, views.given), errors_in_motion(work, views.moving));
     let depends = dependences(work, views.moving, settings);
     let mut places = Vec::new();
     let (mut sum_before, mut sum_after) = (0.0, 0.0);
@@ -49,7 +49,7 @@ pub(crate) fn unexplained(work: &Work, views: &Views, last: &[Contest], settings
             sum_after += after[j].error * after[j].error / scale;
         }
         let stays = power(&after[j]) > UNEXPLAINED_SHARE * UNEXPLAINED_SHARE * power(&before[j]) && power(&after[j]) > 0.0;
-        let is_function = depends[j].iter().any(|d| is_plain(d, (before[j], after[j]), settings));
+        let is_function = depends[j].iter().any(|d| is_plain(d, (given[j], in_motion[j]), settings));
         // A joint that sticks at its reversals leaves much there that no law of friction can tell: what has no name must stay where it moves.
         let is_large = in_motion[j].error > LARGE * in_motion[j].effort.max(f64::MIN_POSITIVE);
         let is_shape = is_large && correlation(&work.design.rows, &views.moving[j]) > COLOURED;
@@ -68,8 +68,8 @@ pub(crate) fn unexplained(work: &Work, views: &Views, last: &[Contest], settings
     }
     let share = if sum_before > 0.0 { (sum_after / sum_before).min(1e6) } else { 0.0 };
     let says = sentence(work, &places, &depends_on, last);
-    let pictured = |j: usize| depends[j].iter().filter(|d| is_real(d, settings)).take(3).map(move |d| (j, d.signal.clone()));
-    let curves = places.iter().flat_map(|&j| pictured(j)).filter_map(|(j, s)| curve(work, j, views.moving, &s)).collect();
+    let pictured = |j: usize| depends[j].iter().filter(|d| is_real(d, settings)).take(3).map(|d| d.signal.clone()).collect::<Vec<_>>();
+    let curves = places.iter().flat_map(|&j| curves(work, j, views.moving, &pictured(j))).collect();
     let lines = places.iter().flat_map(|&j| lines(work, j, views.moving)).collect();
     let names = places.iter().map(|&j| drive_name(work, j)).collect();
     Leftover {
@@ -88,10 +88,11 @@ fn is_real(d: &Depends, settings: &Settings) -> bool {
     d.p_value <= settings.confirm_level
 }
 
-/// Real, large enough to be felt, and a share of what was there at first that would be worth a name.
-fn is_plain(d: &Depends, (before, after): (JointError, JointError), settings: &Settings) -> bool {
-    let is_worth = d.size * d.size > settings.floor * before.error * before.error;
-    is_real(d, settings) && is_worth && d.size > PLAIN * settings.tolerance * after.effort
+/// Plain enough to be said without a name for it: no null run reaches it, it holds in blocks that it was not read from, it is worth a share of what
+/// the model as given leaves where the joint moves, and it is large enough to be felt: the shares from which an effect is worth a name.
+fn is_plain(d: &Depends, (given, now): (JointError, JointError), settings: &Settings) -> bool {
+    let is_worth = d.size * d.size > settings.floor * given.error * given.error;
+    d.is_beyond_chance && d.is_steady && is_worth && d.size > settings.tolerance * now.effort
 }
 
 fn sentence(work: &Work, places: &[usize], depends_on: &[String], last: &[Contest]) -> String {

@@ -25,7 +25,7 @@ pub(crate) fn tally(due: &[f64], taken: &[f64]) -> Tally {
 }
 
 /// Whether the slope of a line through nothing, of what is taken away over what is due, is above nothing.
-fn is_steady(due: &[f64], taken: &[f64]) -> bool {
+pub(crate) fn is_steady(due: &[f64], taken: &[f64]) -> bool {
     let square: f64 = due.iter().map(|d| d * d).sum();
     if taken.len() < 2 || square <= 0.0 {
         return false;

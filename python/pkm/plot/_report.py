@@ -114,17 +114,25 @@ def regimes(report: Report, *, which: Literal["before", "after"] = "before", ax:
 
 
 def dependence(report: Report, joint: str, signal: str, *, ax: Axes | None = None) -> Axes:
-    """What stays unexplained at a drive against one signal: means of stretches of equally many samples with two standard errors."""
+    """What stays unexplained at a drive against one signal: means of stretches of equally many samples with two standard errors.
+
+    A `signal` as the verdict's `depends_on` names it: `… by direction` draws a curve for either direction of motion.
+    """
     known = report.evidence["dependences"]
-    data = next((d for d in known if (d["joint"], d["signal"]) == (joint, signal)), None)
-    if data is None:
+    parts = [signal, f"{signal}, forwards", f"{signal}, backwards"]
+    curves = [d for d in known if d["joint"] == joint and d["signal"] in parts]
+    if not curves:
         has = ", ".join(f"{d['joint']} on {d['signal']}" for d in known) or "none"
         raise ValueError(f"no dependence of {joint!r} on {signal!r} in the report (has: {has})")
     ax = new_axes(ax)
-    ax.errorbar(data["x"], data["mean"], yerr=data["error"], fmt="o-", color=AFTER, ms=4, lw=1.0, capsize=2)
+    for data, colour in zip(curves, (AFTER, BEFORE), strict=False):
+        label = data["signal"].removeprefix(f"{signal}, ")
+        ax.errorbar(data["x"], data["mean"], yerr=data["error"], fmt="o-", color=colour, ms=4, lw=1.0, capsize=2, label=label)
+    if len(curves) > 1:
+        ax.legend(fontsize="small")
     ax.axhline(0.0, color="#888888", lw=0.6, zorder=0)
     ax.set_xlabel(signal)
-    ax.set_ylabel(f"left unexplained at {joint} [{data['unit']}]")
+    ax.set_ylabel(f"left unexplained at {joint} [{curves[0]['unit']}]")
     return plain(ax)
 
 
