@@ -100,12 +100,12 @@ fn coulomb_hidden_at_a_slider_is_named_sized_and_pays() {
     assert!(d.verdict.heldout.rms_final < 0.7 * d.verdict.heldout.rms_nominal, "{:?}", d.verdict.heldout);
 }
 
-/// Parallel robots with passive joints of every kind, and a serial arm.
-const ROBOTS: [&str; 5] = ["prs3", "ups3_rpu1", "motobotte", "five_bar", "serial_arm"];
+/// Parallel robots with passive joints of every kind, one with more drives than freedoms, and a serial arm.
+const ROBOTS: [&str; 6] = ["prs3", "ups3_rpu1", "motobotte", "five_bar", "ups4", "serial_arm"];
 
 #[test]
 fn nothing_hidden_is_called_nothing_missing() {
-    let seeds: u64 = if is_long() { 40 } else { 4 };
+    let seeds: u64 = if is_long() { 34 } else { 4 };
     let mut alarms = Vec::new();
     for robot in ROBOTS {
         let nominal = shipped(robot);
@@ -120,7 +120,7 @@ fn nothing_hidden_is_called_nothing_missing() {
     }
     let runs = seeds * ROBOTS.len() as u64;
     pkm_tests::results_table("healthy_simulated", &format!("{} false alarms in {runs} runs\n{}\n", alarms.len(), alarms.join("\n")));
-    // Ten of two hundred are allowed by what the tool is asked to do; half of that is asked here.
+    // Ten of two hundred would be one in twenty; half of that is asked.
     assert!(40 * alarms.len() as u64 <= runs, "{} of {runs}:\n{}", alarms.len(), alarms.join("\n"));
 }
 

@@ -128,9 +128,38 @@ fn chain_gain_judged_by(work: &mut Work, pick: usize, judge: fn(&Gram, &Cross, &
     1.0 - with / without.max(f64::MIN_POSITIVE)
 }
 
-/// The pick whose loss costs least, if that is less than a pick must be worth.
+/// Picks that read as impossible beside the others, one of them left out or none.
+fn impossible(work: &Work, cross: &Cross, without: Option<usize>) -> Vec<usize> {
+    let (ids, prior) = work.picked(without);
+    let theta = screen::fit(&work.gram, cross, &ids, &prior, Over::All);
+    let value = |id: ColumnId| ids.iter().position(|&i| i == id).map_or(0.0, |i| theta[(i, 0)]);
+    let is_possible = |p: &Pick| crate::contest::reading(work, p.candidate, &p.variant, &value).is_ok();
+    (0..work.picks.len()).filter(|&i| Some(i) != without && !is_possible(&work.picks[i])).collect()
+}
+
+/// The pick to go where any reads as impossible: one of these, or another without which none does, whichever loss leaves least. Masses of neighbouring
+/// links share what one of them explains, and then the true one may be what reads as impossible.
+fn in_the_way(work: &Work, cross: &Cross) -> Option<usize> {
+    let bad = impossible(work, cross, None);
+    if bad.is_empty() {
+        return None;
+    }
+    let is_chain = |i: usize| work.candidates[work.picks[i].candidate].effect.family() == Family::Chain;
+    let may_go = |i: usize| bad.contains(&i) || (!is_chain(i) && impossible(work, cross, Some(i)).is_empty());
+    let left = |i: usize| {
+        let (columns, prior) = work.picked(Some(i));
+        Base::new(&work.gram, cross, &columns, &prior).total(0)
+    };
+    let each = (0..work.picks.len()).filter(|&i| may_go(i)).map(|i| (left(i), i));
+    each.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, i)| i)
+}
+
+/// The pick whose loss costs least, if that is less than a pick must be worth, or if what was picked cannot be.
 fn superfluous(work: &mut Work, settings: &Settings) -> Option<usize> {
     let cross = work.gram.cross(&work.design, &work.real_targets(&[work.softness]));
+    if let Some(pick) = in_the_way(work, &cross) {
+        return Some(pick);
+    }
     let (ids, prior) = work.picked(None);
     let theta = screen::fit(&work.gram, &cross, &ids, &prior, Over::All);
     let value = |id: ColumnId| ids.iter().position(|&i| i == id).map_or(0.0, |i| theta[(i, 0)]);
@@ -154,8 +183,6 @@ fn superfluous(work: &mut Work, settings: &Settings) -> Option<usize> {
         if size <= settings.tolerance_of(p.variant.n_own) {
             gain = gain.min(0.0);
         }
-        let is_possible = crate::contest::reading(work, p.candidate, &p.variant, &value).is_ok();
-        let gain = if is_possible { gain } else { f64::NEG_INFINITY };
         if gain <= settings.floor && worst.is_none_or(|(g, _)| gain < g) {
             worst = Some((gain, i));
         }

@@ -96,6 +96,12 @@ impl Stepper {
             self.keep(system, state);
             self.part(system, state, push, left)?;
             let Some(mut event) = self.first_event(system, state) else {
+                if let Some(r) = self.left_the_wrong_way(system, state) {
+                    // Taken again with the joint at rest: which way it leaves is solved for together with what pushes it meanwhile.
+                    self.restore(system, state);
+                    self.rest(system, r);
+                    continue;
+                }
                 advance_foreign(system, state, left);
                 return Ok(());
             };
@@ -194,6 +200,21 @@ impl Stepper {
         first.1
     }
 
+    /// A joint that began to slide in one direction where it stood, within rounding, and has gone in the other: its friction would push it, and at no
+    /// later reversal would that be seen.
+    fn left_the_wrong_way(&self, system: &System, state: &State) -> Option<usize> {
+        let is_wrong = |r: usize| {
+            let (slid, joint) = (system.directions[r], system.resisting[r].joint);
+            self.rubs[r] && slid * self.before.v[joint] <= STANDING && slid * state.v[joint] < -STANDING
+        };
+        (0..self.rubs.len()).find(|&r| is_wrong(r))
+    }
+
+    fn rest(&mut self, system: &mut System, r: usize) {
+        self.sticks[r] = true;
+        system.directions[r] = 0.0;
+    }
+
     /// What is left until the event: positive before it, negative after.
     fn measure(&self, system: &System, state: &State, event: Event) -> f64 {
         match event {
@@ -264,8 +285,7 @@ impl Stepper {
     fn happen(&mut self, system: &mut System, state: &mut State, event: Event) -> Result<(), SimError> {
         match event {
             Event::Rest(r) => {
-                self.sticks[r] = true;
-                system.directions[r] = 0.0;
+                self.rest(system, r);
                 Ok(())
             }
             Event::Strike(s) => {
