@@ -5,7 +5,7 @@ use crate::columns::Family;
 use crate::design::{Chain, ColumnId};
 use crate::gram::{Cross, Gram};
 use crate::screen::{self, Base};
-use crate::search::{is_picked, is_structure, tell};
+use crate::search::{is_picked, is_possible, is_structure, simpler_body, tell};
 use crate::settings::{MAX_SHIFTS, MAX_STRUCTURAL, Settings};
 use crate::simplify::one_cause;
 use crate::solve::Over;
@@ -65,7 +65,9 @@ pub(crate) fn prove_refitted(work: &mut Work, band: f64, settings: &Settings, fo
 pub(crate) fn prune(work: &mut Work, band: f64, settings: &Settings) {
     for _ in 0..2 * (MAX_SHIFTS + MAX_STRUCTURAL) {
         let Some(worst) = superfluous(work, settings) else { return };
-        drop_pick(work, worst, band);
+        if is_possible(work, worst) || !simpler_body(work, worst, settings) {
+            drop_pick(work, worst, band);
+        }
     }
 }
 
@@ -137,29 +139,27 @@ fn impossible(work: &Work, cross: &Cross, without: Option<usize>) -> Vec<usize> 
     (0..work.picks.len()).filter(|&i| Some(i) != without && !is_possible(&work.picks[i])).collect()
 }
 
-/// The pick to go where any reads as impossible: one of these, or another without which none does, whichever loss leaves least. Masses of neighbouring
-/// links share what one of them explains, and then the true one may be what reads as impossible.
-fn in_the_way(work: &Work, cross: &Cross) -> Option<usize> {
+/// The pick to go where any reads as impossible: one of these where the others explain as much without it; else the one whose loss leaves least of these, of
+/// those without which none does, and of `worst`, which the others make superfluous. Masses of neighbouring links share what one of them explains, and
+/// beside the wrong ones the true one may be what reads as impossible.
+fn in_the_way(work: &Work, cross: &Cross, worst: Option<usize>, settings: &Settings) -> Option<usize> {
     let bad = impossible(work, cross, None);
-    if bad.is_empty() {
-        return None;
-    }
-    let is_chain = |i: usize| work.candidates[work.picks[i].candidate].effect.family() == Family::Chain;
-    let may_go = |i: usize| bad.contains(&i) || (!is_chain(i) && impossible(work, cross, Some(i)).is_empty());
     let left = |i: usize| {
         let (columns, prior) = work.picked(Some(i));
         Base::new(&work.gram, cross, &columns, &prior).total(0)
     };
-    let each = (0..work.picks.len()).filter(|&i| may_go(i)).map(|i| (left(i), i));
-    each.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, i)| i)
+    let least = |picks: Vec<usize>| picks.into_iter().map(|i| (left(i), i)).min_by(|a, b| a.0.total_cmp(&b.0));
+    let of_bad = least(bad.clone())?;
+    let is_chain = |i: usize| work.candidates[work.picks[i].candidate].effect.family() == Family::Chain;
+    let is_cure = |i: usize| !is_chain(i) && impossible(work, cross, Some(i)).is_empty();
+    let others = (0..work.picks.len()).filter(|&i| !bad.contains(&i) && (Some(i) == worst || is_cure(i)));
+    let of_others = least(others.collect());
+    Some(of_others.filter(|o| o.0 < (1.0 - settings.floor) * of_bad.0).map_or(of_bad.1, |o| o.1))
 }
 
 /// The pick whose loss costs least, if that is less than a pick must be worth, or if what was picked cannot be.
 fn superfluous(work: &mut Work, settings: &Settings) -> Option<usize> {
     let cross = work.gram.cross(&work.design, &work.real_targets(&[work.softness]));
-    if let Some(pick) = in_the_way(work, &cross) {
-        return Some(pick);
-    }
     let (ids, prior) = work.picked(None);
     let theta = screen::fit(&work.gram, &cross, &ids, &prior, Over::All);
     let value = |id: ColumnId| ids.iter().position(|&i| i == id).map_or(0.0, |i| theta[(i, 0)]);
@@ -187,5 +187,6 @@ fn superfluous(work: &mut Work, settings: &Settings) -> Option<usize> {
             worst = Some((gain, i));
         }
     }
-    worst.map(|(_, i)| i)
+    let worst = worst.map(|(_, i)| i);
+    in_the_way(work, &cross, worst, settings).or(worst)
 }

@@ -194,10 +194,7 @@ fn fuller_bodies(work: &mut Work, settings: &Settings) {
         }
         let scope = work.candidates[at].scope.clone();
         let now = picked_error(work, &scope);
-        let place = work.candidates[at].place;
-        let rivals: Vec<usize> = (0..work.candidates.len())
-            .filter(|&c| matches!(work.candidates[c].effect_name(), "payload" | "inertia_error") && work.candidates[c].place == place)
-            .collect();
+        let rivals = bodies_at(work, at);
         let old = work.picks[i].clone();
         let mut best = (now, old.clone());
         for c in rivals {
@@ -213,6 +210,41 @@ fn fuller_bodies(work: &mut Work, settings: &Settings) {
         }
         work.picks[i] = best.1;
     }
+}
+
+/// Changes of the mass properties of a candidate's link, its own included.
+fn bodies_at(work: &Work, candidate: usize) -> Vec<usize> {
+    let place = work.candidates[candidate].place;
+    let is_body = |c: usize| matches!(work.candidates[c].effect_name(), "payload" | "inertia_error");
+    (0..work.candidates.len()).filter(|&c| is_body(c) && work.candidates[c].place == place).collect()
+}
+
+/// A change of a link's mass properties that reads as impossible takes the simpler shape that can be and explains most, if that is worth a name: of
+/// ten numbers these motions may show three. Whether there is one.
+pub(crate) fn simpler_body(work: &mut Work, pick: usize, settings: &Settings) -> bool {
+    let old = work.picks[pick].clone();
+    if !same_body(work, old.candidate) {
+        return false;
+    }
+    let scope = work.candidates[old.candidate].scope.clone();
+    work.picks.remove(pick);
+    let without = picked_error(work, &scope);
+    let mut best: Option<(f64, Pick)> = None;
+    for candidate in bodies_at(work, old.candidate) {
+        for variant in work.candidates[candidate].variants.clone().into_iter().filter(|v| v.n_own < old.variant.n_own) {
+            let least = settings.floor_of(variant.n_own) * without;
+            work.picks.insert(pick, Pick { candidate, variant, ..old.clone() });
+            let error = picked_error(work, &scope);
+            let pays = without - error > least && best.as_ref().is_none_or(|(e, _)| error < 0.98 * e);
+            if pays && is_possible(work, pick) {
+                best = Some((error, work.picks[pick].clone()));
+            }
+            work.picks.remove(pick);
+        }
+    }
+    let is_found = best.is_some();
+    work.picks.insert(pick, best.map_or(old, |(_, simpler)| simpler));
+    is_found
 }
 
 pub(crate) fn picked_error(work: &Work, scope: &[usize]) -> f64 {
