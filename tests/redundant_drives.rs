@@ -146,6 +146,13 @@ fn a_load_on_the_platform_is_found_and_the_refined_robot_explains_a_fresh_motion
     // Offsets of the drives and masses of the legs, each of which looks like a part of the load, must not be what is left of it.
     let h = &d.verdict.heldout;
     assert!(h.rms_final < 0.2 * h.rms_nominal, "{} of {}\n{}", h.rms_final, h.rms_nominal, told(&d));
+    // The foot turns about the ankle: only mass times distance can be told, and that is said.
+    let f = &d.verdict.findings[0];
+    assert_eq!(f.effect, "payload", "{}", told(&d));
+    let of = |name: &str| f.parameters[name].value;
+    let moment = ["x", "y", "z"].map(|name| of("mass") * of(name));
+    assert!(moment[0].abs() < 5e-3 && (moment[1] - 0.15).abs() < 5e-3 && (moment[2] + 0.15).abs() < 5e-3, "{moment:?}");
+    assert!(f.says.contains("only mass times distance shows"), "{}", f.says);
     let [toml, urdf] = d.refined.as_ref().expect("a refined robot").texts(&nominal, "refined.urdf").expect("it can be written");
     let better = parse(&toml, &urdf, ["refined.toml", "refined.urdf"]).expect("it can be read");
     // Against the robot that carries it, along a motion of its own: sensors are as noisy as the load is heavy.

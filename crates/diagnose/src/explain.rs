@@ -4,6 +4,7 @@ use pkm_dyn::effects::{Law, PlaceKind, Site};
 use pkm_dyn::model::JointKind;
 
 use crate::alternatives::is_wider_law;
+use crate::design::ColumnId;
 use crate::rank::Step;
 use crate::verdict::{Compensation, EffectAt, Estimate};
 use crate::work::Work;
@@ -95,6 +96,24 @@ fn held_within(work: &Work, pick: usize, parameters: &BTreeMap<String, Estimate>
     names.filter(|name| name.strip_prefix("friction_").is_some_and(has)).collect()
 }
 
+/// What a mass that nobody sees is: that of a load on a link that turns about its own origin.
+fn least_mass(work: &Work, pick: usize) -> &'static str {
+    let p = &work.picks[pick];
+    let power = |id: ColumnId| -> f64 {
+        let at = |j: usize| work.gram.local[j][id].map_or(0.0, |l| work.gram.xx_all[j][(l, l)]);
+        (0..work.design.n_joints).map(at).sum()
+    };
+    let columns = &p.variant.columns;
+    if work.candidates[p.candidate].effect_name() != "payload" || columns.len() < 4 {
+        return "";
+    }
+    let moments = columns[1..4].iter().map(|&id| power(id)).fold(0.0, f64::max);
+    if power(columns[0]) > 1e-12 * moments {
+        return "";
+    }
+    " The link turns about its own origin, so only mass times distance shows: the mass is the least that fits on the link, and may be larger and nearer."
+}
+
 /// What was found, where, how large, and what it does for the fit, from the step before it to its own.
 pub(crate) fn sentence(
     work: &Work,
@@ -118,7 +137,7 @@ pub(crate) fn sentence(
     } else {
         entry.sentence.to_string()
     };
-    let mut out = format!("{place}, {sentence}: {sizes}.");
+    let mut out = format!("{place}, {sentence}: {sizes}.{}", least_mass(work, pick));
     let (b, a) = (100.0 * before.heldout, 100.0 * after.heldout);
     out += &format!(" With it the held-out error goes from {b:.1} % to {a:.1} % of the effort");
     out += &if a > b && after.moving < before.moving {
