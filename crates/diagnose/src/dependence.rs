@@ -241,7 +241,7 @@ pub(crate) fn dependences(work: &Work, left: &[Vec<Vec<f64>>], settings: &Settin
                 gain,
                 size: rms * math::sqrt(gain.max(0.0)),
                 p_value,
-                is_beyond_chance: reached == 0,
+                is_beyond_chance: reached == 0 && !tops.is_empty(),
                 is_steady: is_steady(&due, &taken),
             }
         };

@@ -231,7 +231,8 @@ pub(crate) fn simpler_body(work: &mut Work, pick: usize, settings: &Settings) ->
     let without = picked_error(work, &scope);
     let mut best: Option<(f64, Pick)> = None;
     for candidate in bodies_at(work, old.candidate) {
-        for variant in work.candidates[candidate].variants.clone().into_iter().filter(|v| v.n_own < old.variant.n_own) {
+        for mut variant in work.candidates[candidate].variants.clone().into_iter().filter(|v| v.n_own < old.variant.n_own) {
+            variant.values = work.candidates[candidate].effect.stand_in(&variant.values);
             let least = settings.floor_of(variant.n_own) * without;
             work.picks.insert(pick, Pick { candidate, variant, ..old.clone() });
             let error = picked_error(work, &scope);

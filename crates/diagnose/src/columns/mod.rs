@@ -268,6 +268,11 @@ pub(crate) type Reading = Result<Vec<(&'static str, f64)>, String>;
 pub(crate) trait Columns: Sync {
     /// Catalogue entry.
     fn entry(&self) -> &'static Entry;
+    /// Values of a shape of these that stands in the place of a fuller one that cannot be; a reading may then take what the motions do not show for
+    /// what is likeliest.
+    fn stand_in(&self, values: &[f64]) -> Vec<f64> {
+        values.to_vec()
+    }
     /// What it competes with.
     fn family(&self) -> Family;
     /// What it is drawn against.

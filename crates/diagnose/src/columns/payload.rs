@@ -11,6 +11,10 @@ use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, Source, Vi
 /// See the catalogue entry of the same name.
 pub(super) struct Effect;
 
+/// Value of a shape that stands in for a fuller one. Of its own, a load whose mass no motion shows is no explanation: moments of links that turn about
+/// their origins imitate much.
+const STAND_IN: &[f64] = &[1.0];
+
 impl Columns for Effect {
     fn entry(&self) -> &'static pkm_dyn::effects::Entry {
         super::entry("payload")
@@ -26,6 +30,10 @@ impl Columns for Effect {
 
     fn axis(&self) -> Axis {
         Axis::Load
+    }
+
+    fn stand_in(&self, _: &[f64]) -> Vec<f64> {
+        STAND_IN.to_vec()
     }
 
     fn propose(&self, ctx: &Context) -> Vec<Proposal> {
@@ -47,7 +55,7 @@ impl Columns for Effect {
         let extent = math::sqrt(own.norm_squared() + central.trace() / view.model.links[view.place].parameters.mass.max(1e-9)).max(0.02);
         let moment = math::sqrt(view.own[1..4].iter().map(|h| h * h).sum());
         let mut added = view.own.to_vec();
-        if is_out_of_sight(added[0], moment, extent) {
+        if view.shape == STAND_IN && is_out_of_sight(added[0], moment, extent) {
             added[0] = moment / extent;
         }
         let mass = added[0];
@@ -90,7 +98,7 @@ mod tests {
         // A link of 2 kg whose central inertia has the trace 0.03 kg·m², about its own origin.
         let extent = math::sqrt(0.015);
         let place = model.massive_links()[0];
-        let read = |own: &[f64]| Effect.read(&View { place, ..view(&model, own, &[]) });
+        let read = |own: &[f64]| Effect.read(&View { place, ..view(&model, own, STAND_IN) });
         let values: Vec<f64> = read(&[0.0, 0.3, 0.0, -0.4]).expect("a load").into_iter().map(|(_, v)| v).collect();
         let mass = 0.5 / extent;
         assert!((values[0] - mass).abs() < 1e-12 * mass && (values[1] - 0.3 / mass).abs() < 1e-12, "{values:?}");
@@ -99,5 +107,7 @@ mod tests {
         assert_eq!(read(&[1.5, 0.3, 0.0, -0.4]).expect("a load")[0], ("mass", 1.5));
         assert!(read(&[-0.1, 0.3, 0.0, -0.4]).is_err() && read(&[0.01, 0.3, 0.0, -0.4]).is_err());
         assert!(read(&[0.0; 4]).is_err(), "nothing at all is no load");
+        let alone = Effect.read(&View { place, ..view(&model, &[0.0, 0.3, 0.0, -0.4], &[]) });
+        assert!(alone.is_err_and(|why| why.contains("would not be positive")), "it stands in for a fuller shape only");
     }
 }
