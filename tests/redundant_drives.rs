@@ -263,8 +263,8 @@ fn an_excitation_moves_all_drives_as_the_loops_have_them() {
 /// The largest difference between efforts at one phase of any two periods, in means over a tenth of a second `[N]`; the first period, which begins at
 /// rest, is left out.
 fn differs_from_period_to_period(recording: &Recording, scenario: &Scenario) -> f64 {
-    let per_second = |s: f64| (s * scenario.rate_hz) as usize;
-    let (period, bin) = (per_second(scenario.period_s), per_second(0.1));
+    let samples = |s: f64| recording.time.iter().take_while(|t| **t < s - 0.5 / scenario.rate_hz).count();
+    let (period, bin) = (samples(scenario.period_s), samples(0.1));
     let mut largest = 0.0_f64;
     for tau in recording.signals.iter().filter(|(name, _)| name.starts_with("tau.")).map(|(_, tau)| tau) {
         let means: Vec<f64> = tau.chunks_exact(bin).map(|x| x.iter().sum::<f64>() / bin as f64).collect();
