@@ -1,6 +1,7 @@
 """Pictures: what is on the axes are the numbers of the objects, and every axis says what it shows."""
 
 import inspect
+from types import SimpleNamespace
 
 import numpy as np
 import pkm
@@ -107,16 +108,13 @@ def test_isolability_is_the_matrix_of_the_verdict(hidden):
 
 @pytest.fixture(scope="module")
 def unexplained():
-    """A 3-PRS with forces that the catalogue has no name for: one follows the battery, a column of the recording; a slider's way is worn in places."""
+    """A 3-PRS with a force that the catalogue has no name for: it follows the battery, which is a column of the recording."""
     robot, runs = pkm.robots.load("prs3"), []
     for seed, name in ((3, "first"), (4, "second")):
         r = pkm.simulate(robot, robot, seed=seed, duration_s=10.0, rate_hz=250.0)
         battery = np.sin(2 * np.pi * (0.23 + 0.05 * seed) * r.time)
         signals = {s: r[s] for s in r.signals} | {"battery": battery}
         signals["tau.q6"] = signals["tau.q6"] + 40.0 * battery**2
-        middle, travel = np.mean(r["q.q8"]), np.ptp(r["q.q8"])
-        worn = sum(np.exp(-(((r["q.q8"] - middle) / travel - place) ** 2) / 0.05**2) for place in (-0.25, 0.0, 0.25))
-        signals["tau.q8"] = signals["tau.q8"] + 60.0 * worn * np.sign(np.gradient(r["q.q8"]))
         runs.append(pkm.Recording(r.time, signals, name=name))
     return pkm.diagnose(robot, runs[:1], holdout=runs[1:])
 
@@ -132,14 +130,22 @@ def test_dependence_is_the_evidence(unexplained):
         [[low, high]] = [bars.get_segments() for bars in ax.collections][0][:1]
         np.testing.assert_allclose([low[1], high[1]], [data["mean"][0] - data["error"][0], data["mean"][0] + data["error"][0]])
         assert ax.get_xlabel() == data["signal"] and data["unit"] in ax.get_ylabel()
-    both = plot.dependence(unexplained, "q8", "q.q8 by direction")
-    curves = {d["signal"]: d for d in known if d["joint"] == "q8"}
-    for line, label in zip(both.get_legend_handles_labels()[0], ("forwards", "backwards"), strict=True):
-        data = curves[f"q.q8 by direction, {label}"]
-        np.testing.assert_array_equal(line.lines[0].get_data(), [data["x"], data["mean"]])
-    assert [t.get_text() for t in both.get_legend().get_texts()] == ["forwards", "backwards"]
     with pytest.raises(ValueError, match="no dependence of 'q99' on 'x'"):
         plot.dependence(unexplained, "q99", "x")
+
+
+def test_dependence_draws_either_direction_of_motion():
+    x, unit = [0.0, 0.1, 0.2], {"joint": "q8", "unit": "N", "error": [0.5, 0.5, 0.5]}
+    curves = {"forwards": [1.0, 7.0, 2.0], "backwards": [-1.0, -6.0, -2.0]}
+    known = [unit | {"signal": f"q.q8 by direction, {way}", "x": x, "mean": mean} for way, mean in curves.items()]
+    known.append(unit | {"signal": "q.q8", "x": x, "mean": [0.0, 0.5, 0.0]})
+    ax = plot.dependence(SimpleNamespace(evidence={"dependences": known}), "q8", "q.q8 by direction")
+    for bars, label in zip(*ax.get_legend_handles_labels(), strict=True):
+        np.testing.assert_array_equal(bars.lines[0].get_data(), [x, curves[label]])
+    assert [t.get_text() for t in ax.get_legend().get_texts()] == ["forwards", "backwards"]
+    assert ax.get_xlabel() == "q.q8 by direction"
+    # A signal without directions has one curve and needs no legend.
+    assert plot.dependence(SimpleNamespace(evidence={"dependences": known}), "q8", "q.q8").get_legend() is None
 
 
 def test_findings_and_chain_are_the_evidence(hidden):
