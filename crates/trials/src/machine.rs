@@ -133,7 +133,7 @@ struct State {
     /// Of the step before: accelerations of all joints, effort that the drives pass on.
     acceleration: DVector<f64>,
     load: Vec<f64>,
-    /// Where the hands were at the beginning.
+    /// Where the hands are at rest.
     rest: Vec<Vector3<f64>>,
 }
 
@@ -188,24 +188,29 @@ impl Machine {
 
     fn start(&self, reference: &Reference) -> State {
         let (mut q, mut x) = (reference.start.clone(), reference.start_velocity.as_slice().to_vec());
+        let mut middle = reference.middle.clone();
         if self.rock.is_some() {
-            q.insert(0, 0.0);
-            x.insert(0, 0.0);
+            [&mut q, &mut middle, &mut x].into_iter().for_each(|all| all.insert(0, 0.0));
         }
         let drives = &self.plant.robot.drives;
         let first = &reference.rows[0];
-        let pose = self.plant.pose(&q);
+        let hands = |q: &[f64]| -> Vec<Vector3<f64>> {
+            let pose = self.plant.pose(q);
+            self.hands.iter().map(|h| pose.at[h.link] + pose.turn[h.link] * h.point).collect()
+        };
+        // Whose limb it is sits in one place, wherever a recording begins.
+        let rest = hands(&middle);
         State {
             t: -LEAD,
             motor: (0..drives.len()).map(|k| [first.q[k], first.v[k]]).collect(),
             lag: (0..drives.len()).map(|k| [first.feedforward[k], 0.0]).collect(),
             bristles: vec![0.0; drives.len()],
             memory: self.resistances.iter().map(|r| r.law.start(q[r.joint])).collect(),
-            slack: vec![Vector3::zeros(); self.hands.len()],
+            slack: hands(&q).iter().zip(&rest).map(|(at, rest)| at - rest).collect(),
             past: vec![Vec::new(); drives.len()],
             acceleration: DVector::zeros(q.len()),
             load: first.feedforward.as_slice().to_vec(),
-            rest: self.hands.iter().map(|h| pose.at[h.link] + pose.turn[h.link] * h.point).collect(),
+            rest,
             q,
             x: DVector::from_vec(x),
         }
@@ -404,6 +409,27 @@ fn earlier(past: &[[f64; 2]], t: f64, now: [f64; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::{Base, HOLDOUT};
+    use crate::bench::MEASURED;
+    use crate::case::{Level, Wish};
+    use crate::random::Stream;
+
+    #[test]
+    fn a_limb_rests_at_one_place_wherever_a_recording_begins() {
+        let robot = "prs3".to_string();
+        let wish = Wish { number: 1, seed: 1, level: Level::L1, robot, size: 2.0, noise: 1.0, recordings: MEASURED, effect: None };
+        let mut base = Base::new(&wish).expect("a robot that comes with the project");
+        let push = Push::Limb { stiffness: 100.0, damping: 0.1, hardening: 1.0 };
+        base.machine.hands.push(Hand { link: base.plant.robot.end(), point: Vector3::zeros(), push });
+        let begin = |recording: usize| {
+            let reference = base.reference(recording, &mut Stream::new(1, recording as u64, "rest")).expect("a motion that it can follow");
+            base.machine.start(&reference)
+        };
+        let (first, last) = (begin(0), begin(HOLDOUT));
+        assert!((first.rest[0] - last.rest[0]).norm() < 1e-9, "{} and {}", first.rest[0], last.rest[0]);
+        // They begin elsewhere, and the branch that gives way has done so.
+        assert!((first.slack[0] - last.slack[0]).norm() > 1e-3, "{} and {}", first.slack[0], last.slack[0]);
+    }
 
     #[test]
     fn the_past_is_interpolated() {

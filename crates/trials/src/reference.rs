@@ -85,6 +85,8 @@ pub struct Reference {
     pub rows: Vec<Wanted>,
     /// Coordinates of all joints of the nominal robot at the first row.
     pub start: Vec<f64>,
+    /// The same in the middle of the path, the same of every path of a robot.
+    pub middle: Vec<f64>,
     /// Velocities of the free coordinates at the first row.
     pub start_velocity: DVector<f64>,
     /// Length of the recording `[s]`.
@@ -110,15 +112,10 @@ impl Reference {
     /// # Errors
     /// Where it leaves the limits of a joint, or its loops open.
     pub fn along(plant: &Plant, path: &Path, duration: f64) -> Result<Self, RobotError> {
-        let mut q = plant.home.clone();
-        // The first pose may be far from home: go there in small steps, so that the loops stay on their branch.
         let [first, first_velocity, _] = path.at(-LEAD);
-        for i in 1..=40 {
-            let share = f64::from(i) / 40.0;
-            plant.free.iter().enumerate().for_each(|(k, &j)| q[j] = plant.home[j] + share * (first[k] - plant.home[j]));
-            plant.close(&mut q)?;
-        }
-        let start = q.clone();
+        let middle = from_home(plant, &path.centre)?;
+        let start = from_home(plant, first.as_slice())?;
+        let mut q = start.clone();
         let count = steps(duration + LEAD) + 2;
         let mut rows = Vec::with_capacity(count);
         for i in 0..count {
@@ -134,7 +131,7 @@ impl Reference {
                 |x: &dyn Fn(usize) -> f64| DVector::from_iterator(plant.robot.drives.len(), plant.robot.drives.iter().map(|d| x(d.joint)));
             rows.push(Wanted { q: of_drives(&|j| q[j]), v: of_drives(&|j| m.velocity[j]), a: of_drives(&|j| all[j]), feedforward });
         }
-        Ok(Self { rows, start, start_velocity: first_velocity, duration })
+        Ok(Self { rows, start, middle, start_velocity: first_velocity, duration })
     }
 
     /// Shrinks `path` until the robot can follow it.
@@ -153,6 +150,17 @@ impl Reference {
         }
         outcome
     }
+}
+
+/// Coordinates of all joints where the free ones are `free`, which may be far from home: in small steps, so that the loops stay on their branch.
+fn from_home(plant: &Plant, free: &[f64]) -> Result<Vec<f64>, RobotError> {
+    let mut q = plant.home.clone();
+    for i in 1..=40 {
+        let share = f64::from(i) / 40.0;
+        plant.free.iter().zip(free).for_each(|(&j, x)| q[j] = plant.home[j] + share * (x - plant.home[j]));
+        plant.close(&mut q)?;
+    }
+    Ok(q)
 }
 
 /// Number of steps in `duration` `[s]`.

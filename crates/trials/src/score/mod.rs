@@ -3,6 +3,7 @@
 mod asked;
 mod curves;
 mod judge;
+mod named;
 mod picture;
 mod reason;
 mod table;

@@ -14,7 +14,8 @@ fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-fn effect(of: &str) -> &str {
+/// Name of an effect of which name and place are given.
+pub(super) fn effect(of: &str) -> &str {
     of.split('@').next().unwrap_or(of)
 }
 

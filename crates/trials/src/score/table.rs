@@ -5,11 +5,12 @@ use core::fmt::Write as _;
 
 use super::asked::asked;
 use super::judge::Marks;
+use super::named::named;
 use super::reason::{cell, counted};
 use super::tally::{Count, Tally, tally};
 use crate::case::Level;
 
-fn share(c: Count) -> String {
+pub(crate) fn share(c: Count) -> String {
     c.share().map_or_else(
         || "–".to_string(),
         |[p, low, high]| format!("{:.0} % ({}/{}; {:.0}–{:.0})", 100.0 * p, c.yes, c.all, 100.0 * low, 100.0 * high),
@@ -29,6 +30,9 @@ pub(crate) fn tallies(marks: &[Marks]) -> Vec<Tally> {
     for (label, most) in [("L2 and L3, size 1.5 and more", f64::INFINITY), ("L2 and L3, size 1.5 to 3", 3.0)] {
         out.push(tally(label, marks, |m| [Level::L2, Level::L3].contains(&m.level) && m.size.is_some_and(|s| s >= 1.5 && s < most)));
     }
+    let is_large = |m: &Marks| m.level <= Level::L4 && m.size.is_some_and(|s| s >= 1.5);
+    out.push(tally("L0 to L4, size 1.5 and more", marks, is_large));
+    out.push(tally("of these, where something is said", marks, |m| is_large(m) && m.is_detected));
     out.extend(Level::ALL.map(|l| tally(&format!("{l:?}"), marks, move |m| m.level == l)));
     for (low, high) in SIZES {
         let label = if high.is_finite() { format!("size {low} to {high}") } else { format!("size {low} and more") };
@@ -87,8 +91,9 @@ pub fn markdown(marks: &[Marks]) -> String {
     ] {
         let _ = writeln!(out, "| {what} | {} |", share(count));
     }
-    // Alarms per noise: what raises them is no news of the average.
-    for t in tallies.iter().filter(|t| t.label.starts_with("noise") && t.alarms.all > 0) {
+    // Alarms per level and noise: what raises them is no news of the average.
+    let is_healthy = |label: &str| ["L6", "L7"].contains(&label) || label.starts_with("noise");
+    for t in tallies.iter().filter(|t| is_healthy(&t.label) && t.alarms.all > 0) {
         let _ = writeln!(out, "| false alarms, {} | {} |", t.label, share(t.alarms));
     }
     let _ = writeln!(out, "\n| engine | cases |\n|---|---|");
@@ -101,7 +106,9 @@ pub fn markdown(marks: &[Marks]) -> String {
     for (from, to, mean, count) in &all.calibration {
         let _ = writeln!(out, "| {from} to {to} | {mean:.2} | {} |", share(*count));
     }
-    let _ = writeln!(out, "\n{}", asked(marks).trim_end());
+    for table in [named(marks), asked(marks)].iter().filter(|t| !t.is_empty()) {
+        let _ = writeln!(out, "\n{}", table.trim_end());
+    }
     let _ = writeln!(out, "\nWhy, in the verdicts' own words:\n\n{}", counted(marks).trim_end());
     let _ =
         writeln!(out, "\nCases that failed:\n\n| case | level | robot | concealed | size | said | why |\n|---|---|---|---|---|---|---|");
