@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 use pkm_dyn::effects::{Applied, CATALOGUE, Energy, Entry, JointState, Law, LinkState, PlaceKind, Robot, find};
 use pkm_dyn::kinematics::forward_kinematics;
 use pkm_dyn::model::Model;
+use pkm_dyn::spatial::Pose;
 use pkm_dyn::urdf::{parse, refined_toml};
 use pkm_dyn::{Data, math};
 use pkm_tests::{Draw, Shape, drawn_loops, drawn_tree};
@@ -258,7 +259,7 @@ fn a_contact_pushes_beyond_its_place_only_and_never_pulls() {
 fn a_limb_without_damping_gives_back_all_and_with_it_never_more() {
     let law = wrench("limb_impedance");
     let work = |damping: f64| -> f64 {
-        let mut p = vec![0.0; 20];
+        let mut p = vec![0.0; 24];
         (p[0], p[1], p[4], p[7], p[16]) = (200.0, damping, 30.0, 4.0, 0.01);
         let steps = 4000;
         let h = 2.0 * core::f64::consts::PI / f64::from(steps);
@@ -274,6 +275,62 @@ fn a_limb_without_damping_gives_back_all_and_with_it_never_more() {
     assert!(work(0.0).abs() < 1e-12, "{}", work(0.0));
     // damping · v² over a turn: 5 · 2π · 0.01
     assert!((work(5.0) - 0.1 * core::f64::consts::PI).abs() < 1e-12, "{}", work(5.0));
+}
+
+#[test]
+fn a_limb_that_rests_in_space_pulls_to_the_same_place_wherever_the_motion_began() {
+    let law = wrench("limb_impedance");
+    let mut p = vec![0.0; 24];
+    (p[0], p[15], p[20]) = (200.0, 0.3, 1.0);
+    let from = |start: [f64; 3]| {
+        let position = [0.1, 0.5, -0.2];
+        let moved = [0, 1, 2].map(|i| position[i] - start[i]);
+        let displacement = [moved[0], moved[1], moved[2], 0.0, 0.0, 0.0];
+        law(&p, &LinkState { position, displacement, ..LinkState::default() })
+    };
+    let want = [20.0, 40.0, -40.0];
+    for start in [[0.0; 3], [0.1, -0.4, 0.2]] {
+        assert!(from(start).iter().zip(want).all(|(f, w)| (f - w).abs() < 1e-12), "{:?}", from(start));
+    }
+    // Told from where the motion began instead, it pulls elsewhere from another start.
+    p[20] = 0.0;
+    assert!((law(&p, &LinkState { displacement: [0.1, 0.5, -0.2, 0.0, 0.0, 0.0], ..LinkState::default() })[1] - 40.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_limb_held_beside_the_origin_pulls_and_twists_as_at_a_frame_of_its_own() {
+    let law = wrench("limb_impedance");
+    let (mut p, mut at_frame) = (vec![0.0; 24], vec![0.0; 24]);
+    (p[0], p[1], p[16]) = (200.0, 3.0, 0.02);
+    at_frame[..21].copy_from_slice(&p[..21]);
+    let point = Vector3::new(0.1, -0.2, 0.3);
+    (p[21], p[22], p[23]) = (point.x, point.y, point.z);
+    let start = Pose::from_xyz_rpy([0.3, 0.0, -0.1], [0.2, 0.4, -1.0]);
+    let now = Pose::from_xyz_rpy([0.25, 0.1, 0.0], [0.9, -0.3, 0.2]);
+    let (linear, angular) = (Vector3::new(0.3, -0.1, 0.2), Vector3::new(1.0, 2.0, -0.5));
+    let state = |from: &Pose, to: &Pose, linear: Vector3<f64>| {
+        let turn = Pose { rotation: to.rotation * from.rotation.transpose(), ..*to }.rotation_vector();
+        let six = |a: Vector3<f64>, b: Vector3<f64>| [a.x, a.y, a.z, b.x, b.y, b.z];
+        LinkState {
+            position: to.translation.into(),
+            displacement: six(to.translation - from.translation, turn),
+            velocity: six(linear, angular),
+            axes: to.rotation.into(),
+            time: 0.0,
+        }
+    };
+    let frame = Pose { translation: point, ..Pose::identity() };
+    let arm = now.rotation * point;
+    for in_space in [0.0, 1.0] {
+        (p[20], at_frame[20]) = (in_space, in_space);
+        let held = law(&p, &state(&start, &now, linear));
+        // A frame of the link whose origin is that point: its force, and the moment of that force about the link's origin.
+        let want = law(&at_frame, &state(&start.compose(&frame), &now.compose(&frame), linear + angular.cross(&arm)));
+        let force = Vector3::new(want[0], want[1], want[2]);
+        let moment = arm.cross(&force);
+        let want = [force.x, force.y, force.z, moment.x, moment.y, moment.z];
+        assert!(force.norm() > 1.0 && held.iter().zip(want).all(|(h, w)| (h - w).abs() < 1e-12), "{held:?} instead of {want:?}");
+    }
 }
 
 #[test]

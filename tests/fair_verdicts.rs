@@ -250,3 +250,48 @@ fn friction_of_single_places_stays_without_a_name_and_is_shown_in_either_directi
     let smooth = on_a_worn_way(0.0).verdict;
     assert!(smooth.nothing_missing && !smooth.unexplained.present, "{}", smooth.says);
 }
+
+#[test]
+fn a_push_is_one_on_the_outermost_link_where_the_drive_beside_it_feels_the_same() {
+    let robot = slides(&[("x", "base"), ("y", "cx")]);
+    let record = |name: &str, phase: f64, seed: u64| {
+        let [x, y] = [0, 1].map(|k: usize| wave(&WAVES, 0.9 * k as f64 + phase, 10_000));
+        // Somebody leans on the upper carriage across the lower one from 6 to 10 s.
+        let leans = |i: usize| if (3000..5000).contains(&i) { -6.0 } else { 0.0 };
+        let pushed = effort(&y, 10.0).iter().enumerate().map(|(i, t)| t + leans(i)).collect();
+        recording(name, &[("x", &x, effort(&x, 20.0)), ("y", &y, pushed)], 0.5, seed)
+    };
+    let v = run(&robot, &[record("train", 0.0, 41)], &[record("other", 0.5, 42)], None).verdict;
+    let f = v.findings.first().unwrap_or_else(|| panic!("{}", v.says));
+    assert_eq!((f.effect.as_str(), &f.place), ("external_force", &vec!["cy".to_string()]), "{}", v.says);
+    assert!((f.parameters["fy"].value - 6.0).abs() < 0.5 && (f.parameters["start"].value - 6.0).abs() < 0.3, "{:?}", f.parameters);
+    assert!(f.cannot_tell_from.iter().any(|a| a.effect == "external_force" && a.place == ["y"]), "{:?}", f.cannot_tell_from);
+}
+
+/// A verdict on a slide that is pulled to a place beside its stroke, the harder the farther, by so much at a metre `[N/m]`.
+fn on_a_spring(stiffness: f64) -> Verdict {
+    let robot = slides(&[("x", "base")]);
+    let pulled = |w: &Wave| -> Vec<f64> {
+        let curve = |q: f64| stiffness * (q + 0.4 * q * q + 4.0 * q * q * q);
+        effort(w, 10.0).iter().zip(w).map(|(t, (q, _, _))| t + curve(*q)).collect()
+    };
+    let record = |name: &str, waves: &[(f64, f64)], phase: f64, seed: u64| {
+        let x = wave(waves, phase, 15_000);
+        recording(name, &[("x", &x, pulled(&x))], 0.1, seed)
+    };
+    let (train, other) = (record("train", &WAVES, 0.0, 31), record("other", &[(0.18, 0.5), (0.07, 0.9)], 0.6, 32));
+    run(&robot, &[train], &[other], None).verdict
+}
+
+#[test]
+fn a_spring_has_its_name_beside_a_fuller_law_that_is_too_small_for_one() {
+    // 0.8 % of the effort: more than a spring must be, less than a cable's curve of five numbers.
+    let v = on_a_spring(1.1);
+    let names: Vec<&str> = v.findings.iter().map(|f| f.effect.as_str()).collect();
+    assert_eq!(names, ["spring"], "{}", v.says);
+    // Too small for either, and no other law's to have.
+    let v = on_a_spring(0.9);
+    assert!(v.nothing_missing, "{}", v.says);
+    let small = v.ruled_out.iter().find(|r| r.effect == "spring").expect("a spring that was weighed");
+    assert!(small.why_not.contains("worth naming") && small.gain > 0.5, "{}", small.why_not);
+}

@@ -9,10 +9,9 @@ use crate::design::ColumnId;
 use crate::final_fit::student_95;
 use crate::gram::Cross;
 use crate::prove::drop_pick;
-use crate::screen::{self, Base};
+use crate::screen::{self, Base, Fitted};
 use crate::search::{is_possible, picked_error};
 use crate::settings::{ALIAS_SHARE, LOOK_ALIKE_SHARE, PRIORS, WEAK_ALIAS_SHARE};
-use crate::solve::Over;
 use crate::verdict::{EffectAt, LookAlike};
 use crate::work::{Candidate, Pick, Variant, Work};
 
@@ -100,7 +99,7 @@ fn alternatives_as_it_stands(work: &Work, index: usize, floor: f64) -> (Vec<Effe
         let is_said = same.iter().any(|s| s.effect == l.effect) || rejected.iter().any(|r| r.effect == l.effect);
         let tried = work.candidates.iter().position(|c| c.effect_name() == l.effect && is_at(work, c, index));
         let Some(tried) = tried.filter(|c| is_known && !is_said && !work.picks.iter().any(|p| p.candidate == *c)) else { continue };
-        let why_not = if is_wider_law(work, tried, index) {
+        let why_not = if is_wider_law(work, tried, work.picks[index].candidate) {
             format!("its law contains {own_name}; what it adds to it does not pay on held-out blocks")
         } else {
             format!("in its place it explains less than {:.0} % of what {own_name} explains", 100.0 * LOOK_ALIKE_SHARE)
@@ -280,7 +279,7 @@ fn rivals(work: &Work, without: &[usize], floor: f64) -> Vec<Rival> {
     let is_standard = without.iter().all(|&i| work.candidates[work.picks[i].candidate].effect.family() == Family::Standard);
     let mut out = Vec::new();
     for (c, candidate) in work.candidates.iter().enumerate().filter(|(c, _)| !picked.contains(c)) {
-        if without.iter().any(|&i| is_wider_law(work, c, i)) {
+        if without.iter().any(|&i| is_wider_law(work, c, work.picks[i].candidate)) {
             continue;
         }
         let mut trials: Vec<(Beside, &Variant)> = Vec::new();
@@ -322,9 +321,9 @@ fn is_load_of(work: &Work, without: &[usize], candidate: &Candidate) -> bool {
 /// Shapes of a rival that are read before it is called impossible.
 const MAX_SHAPES: usize = 4;
 
-/// Whether a candidate's law contains the pick's at the same joint: a friction peak rides on dry friction and is no rival of it.
-pub(crate) fn is_wider_law(work: &Work, candidate: usize, pick: usize) -> bool {
-    let (c, p) = (&work.candidates[candidate], &work.candidates[work.picks[pick].candidate]);
+/// Whether a candidate's law contains another's at the same joint: a friction peak rides on dry friction and is no rival of it.
+pub(crate) fn is_wider_law(work: &Work, candidate: usize, other: usize) -> bool {
+    let (c, p) = (&work.candidates[candidate], &work.candidates[other]);
     let contained: &[&str] = match c.effect_name() {
         // Drag with the exponent 0 is dry friction, with 1 damping.
         "friction_stribeck" | "friction_asymmetric" | "friction_quadratic" => &["friction_coulomb", "friction_viscous"],
@@ -340,9 +339,8 @@ fn veto(work: &Work, s: &Stage, candidate: usize, v: &Variant) -> String {
     let (own, own_prior) = own_columns(work, v, &s.columns);
     let ids: Vec<ColumnId> = s.columns.iter().chain(&own).copied().collect();
     let prior: Vec<f64> = s.prior.iter().chain(&own_prior).copied().collect();
-    let theta = screen::fit(&work.gram, &s.cross, &ids, &prior, Over::All);
-    let value = |id| ids.iter().position(|&i| i == id).map_or(0.0, |i| theta[(i, 0)]);
-    reading(work, candidate, v, &value).err().unwrap_or_default()
+    let fitted = Fitted::new(&work.gram, &s.cross, ids, &prior);
+    reading(work, candidate, v, &|id| fitted.coefficient(id)).err().unwrap_or_default()
 }
 
 /// Wrong masses of all links together, each within half its size.
@@ -417,7 +415,7 @@ mod tests {
         for (c, rival) in work.candidates.iter().enumerate().filter(|(c, _)| *c != work.picks[1].candidate) {
             let Some(variant) = rival.variants.first() else { continue };
             let (own, prior) = own_columns(&work, variant, &s.columns);
-            if own.len() != 1 || prior[0] > 0.0 || is_wider_law(&work, c, 1) {
+            if own.len() != 1 || prior[0] > 0.0 || is_wider_law(&work, c, work.picks[1].candidate) {
                 continue;
             }
             let mut both = [&s.scope[..], &rival.scope].concat();

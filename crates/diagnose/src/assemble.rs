@@ -18,7 +18,7 @@ use crate::final_fit::{FinalFit, errors, jackknife_half_width, left_as_given, no
 use crate::isolability::isolability;
 use crate::leftover::{Views, unexplained};
 use crate::rank::{Claim, Step, rank, rank_what_helps};
-use crate::refine::{Parameters, container, refine};
+use crate::refine::{Parameters, container, refine, stays_beside};
 use crate::regimes;
 use crate::repeatable::look_for_a_person;
 use crate::search::Search;
@@ -253,7 +253,9 @@ fn finding(work: &Work, fin: &Final, steps: &[Step], (r, judged): (usize, &Judge
         p_value,
         heldout_rms_before: before.heldout,
         heldout_rms_after: after.heldout,
-        says: explain::sentence(work, pick, &parameters, [before, after], same) + &priors::sentence(&gains, settings.floor),
+        says: explain::sentence(work, pick, &parameters, [before, after], same)
+            + &explain::dry_friction_beside(work, pick, stays_beside(work, pick, &fin.readings))
+            + &priors::sentence(&gains, settings.floor),
         equation: explain::equation(work, pick, &parameters),
         compensation: explain::compensation(work, pick, &parameters),
         parameters,

@@ -6,11 +6,12 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
+use crate::alternatives::is_wider_law;
 use crate::columns::{self, Family};
 use crate::design::{ColumnId, View};
 use crate::gram::{Cross, Targets};
 use crate::isolability::projected;
-use crate::screen::{self, Base, Gains, Set};
+use crate::screen::{self, Base, Fitted, Gains, Set};
 use crate::settings::Settings;
 use crate::solve::{Over, products};
 use crate::wins::{Tally, tally};
@@ -42,7 +43,7 @@ pub(crate) struct Score {
     /// Why it was not accepted; empty when it could be.
     pub(crate) why_not: String,
     /// Whether its size is all that speaks against it.
-    is_small: bool,
+    pub(crate) is_small: bool,
     /// Its other shapes, best first, for when the best one reads as impossible.
     pub(crate) others: Vec<Trial>,
 }
@@ -72,6 +73,17 @@ impl Contest {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of null runs")]
         let above = (level * (n + 1) as f64).floor() as usize;
         if above == 0 { f64::INFINITY } else { self.null[n - above.min(n)] }
+    }
+
+    /// What a candidate must reach.
+    fn bar(&self, work: &Work, settings: &Settings) -> Bar {
+        let [threshold, sure] = [settings.search_level, settings.confirm_level].map(|level| self.threshold(level));
+        Bar { threshold, sure, n_folds: work.gram.n_filled() }
+    }
+
+    fn pick(&self, s: &Score) -> Pick {
+        let p_search = self.p_value(s.surprise);
+        Pick { candidate: s.candidate, variant: s.variant.clone(), p_search, p_confirm: 1.0, wins: s.tally.wins }
     }
 
     /// Share of null runs (and the recording itself) that reach a surprise.
@@ -291,44 +303,60 @@ pub(crate) fn random_phases(n: usize, rng: &mut ChaCha8Rng) -> Vec<f64> {
 
 /// The first candidate, best first, that is real, worth having and physical; the reasons of those before it are noted.
 pub(crate) fn decide(work: &Work, contest: &mut Contest, grounds: &[Ground], settings: &Settings) -> Option<Pick> {
-    let bar = Bar {
-        threshold: contest.threshold(settings.search_level),
-        sure: contest.threshold(settings.confirm_level),
-        n_folds: work.gram.n_filled(),
-    };
+    let bar = contest.bar(work, settings);
     for s in &mut contest.scores {
-        let is_ordinary = matches!(work.candidates[s.candidate].effect.family(), Family::Standard | Family::Shift);
-        loop {
-            s.why_not = objection(s, settings, &bar, is_ordinary);
-            if let Some(simpler) = s.variant.limit.filter(|_| s.why_not.is_empty()) {
-                s.why_not = format!("fits best where it is {simpler}");
-            }
-            if !s.why_not.is_empty() {
-                break;
-            }
-            (s.why_not, s.is_small) = read(work, s, grounds, settings).map_or_else(|no| (no.why, no.is_small), |()| (String::new(), false));
-            if s.why_not.is_empty() || !s.fall_back() {
-                break;
-            }
-        }
+        weigh(work, s, grounds, &bar, settings);
     }
     contest.scores.sort_by(|a, b| b.taken.total_cmp(&a.taken));
     stand_aside(work, &mut contest.scores);
     let first = contest.scores.iter().position(|s| s.why_not.is_empty())?;
-    let s = simplest(work, contest, first);
-    let p_search = contest.p_value(contest.scores[s].surprise);
-    let s = &contest.scores[s];
-    Some(Pick { candidate: s.candidate, variant: s.variant.clone(), p_search, p_confirm: 1.0, wins: s.tally.wins })
+    Some(contest.pick(&contest.scores[simplest(work, contest, first)]))
+}
+
+/// Fuller shapes of a candidate that was decided for, those that the numbers support as well. A simple one that does as well where it was fitted may lack
+/// what another motion shows: where a limb rests.
+pub(crate) fn fuller(work: &Work, contest: &Contest, candidate: usize, grounds: &[Ground], settings: &Settings) -> Vec<Pick> {
+    let bar = contest.bar(work, settings);
+    let Some(score) = contest.scores.iter().find(|s| s.candidate == candidate) else { return Vec::new() };
+    let mut out = Vec::new();
+    for shape in score.others.iter().filter(|t| t.variant.n_own > score.variant.n_own) {
+        let mut tried = Score { others: vec![shape.clone()], ..score.clone() };
+        tried.fall_back();
+        weigh(work, &mut tried, grounds, &bar, settings);
+        if tried.why_not.is_empty() {
+            out.push(contest.pick(&tried));
+        }
+    }
+    out
+}
+
+/// Notes why a candidate is not acceptable, in the best of its shapes that reads as possible and large enough.
+fn weigh(work: &Work, s: &mut Score, grounds: &[Ground], bar: &Bar, settings: &Settings) {
+    let is_ordinary = matches!(work.candidates[s.candidate].effect.family(), Family::Standard | Family::Shift);
+    loop {
+        s.why_not = objection(s, settings, bar, is_ordinary);
+        if let Some(simpler) = s.variant.limit.filter(|_| s.why_not.is_empty()) {
+            s.why_not = format!("fits best where it is {simpler}");
+        }
+        if !s.why_not.is_empty() {
+            return;
+        }
+        (s.why_not, s.is_small) = read(work, s, grounds, settings).map_or_else(|no| (no.why, no.is_small), |()| (String::new(), false));
+        if s.why_not.is_empty() || !s.fall_back() {
+            return;
+        }
+    }
 }
 
 /// What explains less than something real that is too small for a name, at the same joints, has no better claim to one: a scale fits a small
-/// friction worse than the friction does, and looks larger. `scores` come best first.
+/// friction worse than the friction does, and looks larger. A law that the small one contains has: the
+/// fuller one explains a little more whatever is there, and must be larger for a name. `scores` come best first.
 fn stand_aside(work: &Work, scores: &mut [Score]) {
     for i in 0..scores.len() {
         let (small, after) = scores[i..].split_first_mut().map_or((None, [].as_mut_slice()), |(s, rest)| (Some(&*s), rest));
         let Some(small) = small.filter(|s| s.is_small) else { continue };
         let better = &work.candidates[small.candidate];
-        for s in after.iter_mut().filter(|s| s.why_not.is_empty()) {
+        for s in after.iter_mut().filter(|s| s.why_not.is_empty() && !is_wider_law(work, small.candidate, s.candidate)) {
             if work.candidates[s.candidate].scope.iter().any(|j| better.scope.contains(j)) {
                 s.why_not = format!("{} at {} explains more, and is too small for a name", better.effect_name(), better.name);
             }
@@ -363,17 +391,26 @@ fn objection(s: &Score, settings: &Settings, &Bar { threshold, sure, n_folds }: 
     String::new()
 }
 
-/// Among acceptable candidates that do practically as well as the best, the one with the fewest coefficients, then the commonest.
+/// Among acceptable candidates that do practically as well as the best, the one with the fewest coefficients, then the commonest; of pushes at one time
+/// the outermost: what pushes a robot meets its end, and links nearer to the root feel the same.
 fn simplest(work: &Work, contest: &Contest, first: usize) -> usize {
-    let best = contest.scores[first].taken;
-    (first..contest.scores.len())
-        .filter(|&i| contest.scores[i].why_not.is_empty() && contest.scores[i].taken >= AS_GOOD * best)
-        .min_by_key(|&i| {
-            let s = &contest.scores[i];
-            let scope = work.candidates[s.candidate].scope.len();
-            (s.variant.columns.len(), scope, s.candidate)
-        })
-        .unwrap_or(first)
+    let (scores, best) = (&contest.scores, contest.scores[first].taken);
+    let as_good = || (first..scores.len()).filter(|&i| scores[i].why_not.is_empty() && scores[i].taken >= AS_GOOD * best);
+    let simplest = as_good().min_by_key(|&i| {
+        let s = &scores[i];
+        let scope = work.candidates[s.candidate].scope.len();
+        (s.variant.columns.len(), scope, s.candidate)
+    });
+    let simplest = simplest.unwrap_or(first);
+    let same_push = |i: &usize| pushed_together(work, &scores[*i], &scores[simplest]);
+    // Pushes are proposed at drives first, then at links from the root on.
+    as_good().filter(same_push).max_by_key(|&i| scores[i].candidate).unwrap_or(simplest)
+}
+
+/// Whether two candidates are pushes at the same time.
+fn pushed_together(work: &Work, a: &Score, b: &Score) -> bool {
+    let is_push = |s: &Score| work.candidates[s.candidate].effect_name() == "external_force";
+    is_push(a) && is_push(b) && columns::external_force::are_together(&a.variant.values, &b.variant.values)
 }
 
 /// Why a candidate that the numbers support is not accepted.
@@ -391,8 +428,8 @@ fn read(work: &Work, s: &Score, grounds: &[Ground], settings: &Settings) -> Resu
     ids.extend(&own);
     prior.extend(&own_prior);
     let cross = work.gram.cross(&work.design, &vec![work.measured_minus_nominal(ground.softness, View::Fit)]);
-    let theta = screen::fit(&work.gram, &cross, &ids, &prior, Over::All);
-    let coefficient = |id| ids.iter().position(|&i| i == id).map_or(0.0, |i| theta[(i, 0)]);
+    let fitted = Fitted::new(&work.gram, &cross, ids, &prior);
+    let coefficient = |id| fitted.coefficient(id);
     reading(work, s.candidate, &s.variant, &coefficient).map_err(|why| Refusal { why, is_small: false })?;
     let shown = shown_share(work, ground, &own, &coefficient);
     if shown < SHOWN {

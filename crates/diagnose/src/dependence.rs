@@ -36,6 +36,9 @@ pub(crate) struct Depends {
     pub(crate) is_steady: bool,
 }
 
+/// Name of a signal and its values: [segment][row].
+type Signal = (String, Vec<Vec<f64>>);
+
 /// A row of a segment and the fold it is fitted in; `None` is held out.
 type Place = (usize, usize, Option<usize>);
 
@@ -54,13 +57,23 @@ struct Binned {
     forwards: Option<usize>,
 }
 
+/// A table for every drive.
+pub(crate) struct Tables(Vec<Table>);
+
+impl Tables {
+    pub(crate) fn of(work: &Work) -> Self {
+        let signals = signals(work);
+        Self((0..work.design.n_drives).map(|j| Table::new(work, j, &signals)).collect())
+    }
+}
+
 impl Table {
-    fn new(work: &Work, joint: usize) -> Self {
+    /// `all` are the signals at the rows of all segments.
+    fn new(work: &Work, joint: usize, all: &[Signal]) -> Self {
         let mut rows: Vec<Place> = Vec::new();
         for (s, r) in work.design.rows.iter().enumerate() {
             rows.extend((0..r.time.len()).filter(|&i| r.valid[i] && r.moving[joint][i]).map(|i| (s, i, r.fold[i])));
         }
-        let all = signals(work);
         let own = &work.robot.model.joints[work.robot.model.actuators[joint]].name;
         let named = |kind: &str| all.iter().find(|(name, _)| *name == format!("{kind}.{own}"));
         let mut binned: Vec<Binned> = all.iter().filter_map(|(name, values)| Binned::new(name, values, &rows)).collect();
@@ -179,8 +192,8 @@ impl Binned {
     }
 }
 
-/// Signals at the rows: name and [segment][row].
-fn signals(work: &Work) -> Vec<(String, Vec<Vec<f64>>)> {
+/// Signals at the rows of all segments.
+fn signals(work: &Work) -> Vec<Signal> {
     type Of = fn(&Motion, usize) -> &Vec<f64>;
     const OF: [(&str, Of); 4] =
         [("q", |m, k| &m.segment.q[k]), ("dq", |m, k| &m.segment.v[k]), ("ddq", |m, k| &m.segment.a[k]), ("tau_model", |m, k| &m.rigid[k])];
@@ -213,8 +226,7 @@ fn signals(work: &Work) -> Vec<(String, Vec<Vec<f64>>)> {
 }
 
 /// Per joint what its leftover depends on, strongest first. `left` is [joint][segment][row], as fits see it.
-pub(crate) fn dependences(work: &Work, left: &[Vec<Vec<f64>>], settings: &Settings) -> Vec<Vec<Depends>> {
-    let tables: Vec<Table> = (0..work.design.n_drives).map(|j| Table::new(work, j)).collect();
+pub(crate) fn dependences(work: &Work, Tables(tables): &Tables, left: &[Vec<Vec<f64>>], settings: &Settings) -> Vec<Vec<Depends>> {
     let gains = |left: &[Vec<Vec<f64>>]| -> Vec<Vec<f64>> { tables.iter().zip(left).map(|(t, l)| t.gains(l)).collect() };
     let real = gains(left);
     let null: Vec<Vec<Vec<f64>>> = surrogates(work, left, settings).par_iter().map(|run| gains(run)).collect();
@@ -253,8 +265,8 @@ pub(crate) fn dependences(work: &Work, left: &[Vec<Vec<f64>>], settings: &Settin
 }
 
 /// The mean leftover over stretches of a signal with two standard errors, for the report: one curve, or one for each direction of motion.
-pub(crate) fn curves(work: &Work, joint: usize, left: &[Vec<Vec<f64>>], signals: &[String]) -> Vec<Dependence> {
-    let table = Table::new(work, joint);
+pub(crate) fn curves(work: &Work, Tables(tables): &Tables, joint: usize, left: &[Vec<Vec<f64>>], signals: &[String]) -> Vec<Dependence> {
+    let table = &tables[joint];
     let y = table.at_rows(&left[joint]);
     let drive = &work.robot.model.joints[work.robot.model.actuators[joint]];
     let mut out = Vec::new();

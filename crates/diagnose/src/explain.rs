@@ -87,10 +87,20 @@ fn values(work: &Work, pick: usize, parameters: &BTreeMap<String, Estimate>, ord
         .collect()
 }
 
+/// What is said of the dry friction that the robot's file has, where it yields before it slides instead.
+pub(crate) fn dry_friction_beside(work: &Work, pick: usize, stays: Option<f64>) -> String {
+    let unit = kind(work, pick).unit_effort();
+    stays.map_or(String::new(), |stays| format!(" Of dry friction that comes at once {} {unit} stay there.", number(stays)))
+}
+
 /// Findings whose numbers are within those of a pick: where it is compensated, they are as well.
 fn held_within(work: &Work, pick: usize, parameters: &BTreeMap<String, Estimate>) -> Vec<&'static str> {
     let own = work.picks[pick].candidate;
-    let others = (0..work.picks.len()).filter(|&other| other != pick && is_wider_law(work, own, other));
+    // The level of what yields before it slides is its own.
+    if work.candidates[own].effect_name() == "friction_presliding" {
+        return Vec::new();
+    }
+    let others = (0..work.picks.len()).filter(|&other| other != pick && is_wider_law(work, own, work.picks[other].candidate));
     let names = others.map(|other| work.candidates[work.picks[other].candidate].effect_name());
     let has = |start: &str| parameters.keys().any(|name| name.starts_with(start));
     names.filter(|name| name.strip_prefix("friction_").is_some_and(has)).collect()

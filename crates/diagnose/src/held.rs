@@ -9,15 +9,30 @@ use pkm_dyn::{Data, Model};
 
 use crate::shelf::{Shelf, Tape};
 
-/// A link along a segment, in the root frame. Components are force or translation first; innermost index: raw sample.
+/// Where on a link something holds it. Nobody knows where a hand lies: it is looked for at both.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Spot {
+    /// The link's origin, which may be a joint at its rim.
+    Origin,
+    /// Its centre of mass.
+    Centre,
+}
+
+/// Centres of mass nearer to the link's origin than this are no other spot `[m]`.
+const APART: f64 = 1e-3;
+
+/// A spot on a link along a segment, in the root frame. Components are force or translation first; innermost index: raw sample.
 #[derive(Debug, Clone)]
 pub(crate) struct Held {
     pub(crate) link: usize,
-    /// Position of its origin `[m]`.
+    pub(crate) spot: Spot,
+    /// The spot in the link's frame `[m]`.
+    pub(crate) at: [f64; 3],
+    /// Position of the spot `[m]`.
     pub(crate) position: [Vec<f64>; 3],
     /// Displacement since the first sample `[m]`, then the rotation vector since then `[rad]`.
     pub(crate) displacement: [Vec<f64>; 6],
-    /// Velocity of its origin `[m/s]`, then its angular velocity `[rad/s]`.
+    /// Velocity of the spot `[m/s]`, then the link's angular velocity `[rad/s]`.
     pub(crate) velocity: [Vec<f64>; 6],
     /// Effort of each drive per unit of each component of a wrench of the robot on its environment: [component][drive].
     pub(crate) push: [Vec<Tape>; 6],
@@ -45,24 +60,41 @@ fn is_behind(model: &Model, b: usize, own: usize) -> bool {
     false
 }
 
-/// Links to follow: the ends, and those that the robot's files put a wrench on.
-pub(crate) fn followed(robot: &Robot) -> Vec<usize> {
-    let mut out = ends(&robot.model);
+/// Spots to follow: origins of the ends and of links that the robot's files put a wrench on, and centres of mass of the ends.
+fn followed(robot: &Robot) -> Vec<(usize, Spot, [f64; 3])> {
+    let mut links = ends(&robot.model);
+    let n_ends = links.len();
     let stated = robot.effects.iter().filter(|e| e.site == Site::Link && matches!(e.entry.law, Law::Wrench(_))).map(|e| e.place);
     for link in stated {
-        if !out.contains(&link) {
-            out.push(link);
+        if !links.contains(&link) {
+            links.push(link);
         }
     }
-    out
+    let centre = |&link: &usize| {
+        let (at, _) = robot.model.links[link].parameters.centre_of_mass();
+        (at.norm() > APART).then(|| (link, Spot::Centre, at.into()))
+    };
+    let centres: Vec<(usize, Spot, [f64; 3])> = links[..n_ends].iter().filter_map(centre).collect();
+    links.into_iter().map(|link| (link, Spot::Origin, [0.0; 3])).chain(centres).collect()
 }
 
 impl Held {
-    /// Room for `n` samples and `drives` drives, on `shelf`.
-    pub(crate) fn new(link: usize, (drives, n): (usize, usize), shelf: &Shelf) -> Self {
+    /// Every spot that is followed, with room for `n` samples and `drives` drives, on `shelf`.
+    pub(crate) fn all(robot: &Robot, size: (usize, usize), shelf: &Shelf) -> Vec<Self> {
+        followed(robot).into_iter().map(|spot| Self::new(spot, size, shelf)).collect()
+    }
+
+    /// The spot of that link.
+    pub(crate) fn find(all: &[Self], link: usize, spot: Spot) -> Option<&Self> {
+        all.iter().find(|h| h.link == link && h.spot == spot)
+    }
+
+    fn new((link, spot, at): (usize, Spot, [f64; 3]), (drives, n): (usize, usize), shelf: &Shelf) -> Self {
         let zero = || vec![0.0; n];
         Self {
             link,
+            spot,
+            at,
             position: core::array::from_fn(|_| zero()),
             displacement: core::array::from_fn(|_| zero()),
             velocity: core::array::from_fn(|_| zero()),
@@ -74,7 +106,8 @@ impl Held {
     /// Stores sample `i` from the poses, velocities and the drives' reduction in `data`.
     pub(crate) fn store(&mut self, model: &Model, data: &mut Data, i: usize) {
         let link = &model.links[self.link];
-        let frame = FrameOnBody { body: link.body, pose: link.pose };
+        let spot = Pose { translation: self.at.into(), ..Pose::identity() };
+        let frame = FrameOnBody { body: link.body, pose: link.pose.compose(&spot) };
         let pose = frame_pose(data, &frame);
         if i == 0 {
             self.start = pose;
@@ -96,12 +129,14 @@ impl Held {
         }
     }
 
-    /// The state a law sees at sample `i`.
+    /// The state a law sees at sample `i`, of a link's origin.
     pub(crate) fn state(&self, i: usize, time: f64) -> LinkState {
+        let turn = nalgebra::Vector3::from_fn(|c, _| self.displacement[3 + c][i]);
         LinkState {
             position: core::array::from_fn(|c| self.position[c][i]),
             displacement: core::array::from_fn(|c| self.displacement[c][i]),
             velocity: core::array::from_fn(|c| self.velocity[c][i]),
+            axes: (Pose::from_rotation_vector(&turn).rotation * self.start.rotation).into(),
             time,
         }
     }

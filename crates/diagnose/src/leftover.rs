@@ -1,7 +1,7 @@
 //! What is left after every finding: where most of the error stays, and on what it depends.
 
-use crate::contest::Contest;
-use crate::dependence::{Depends, curves, dependences, lines};
+use crate::contest::{Contest, Score};
+use crate::dependence::{Depends, Tables, curves, dependences, lines};
 use crate::evidence::{Dependence, Lines};
 use crate::final_fit::{JointError, errors, errors_in_motion, white_power};
 use crate::rows::Rows;
@@ -37,7 +37,8 @@ pub(crate) struct Views<'v> {
 pub(crate) fn unexplained(work: &Work, views: &Views, last: &[Contest], settings: &Settings) -> Leftover {
     let (before, after) = (errors(work, views.nominal), errors(work, views.left));
     let (given, in_motion) = (errors_in_motion(work, views.given), errors_in_motion(work, views.moving));
-    let depends = dependences(work, views.moving, settings);
+    let tables = Tables::of(work);
+    let depends = dependences(work, &tables, views.moving, settings);
     let mut places = Vec::new();
     let (mut sum_before, mut sum_after) = (0.0, 0.0);
     for j in 0..work.design.n_drives {
@@ -53,7 +54,7 @@ pub(crate) fn unexplained(work: &Work, views: &Views, last: &[Contest], settings
         // A joint that sticks at its reversals leaves much there that no law of friction can tell: what has no name must stay where it moves.
         let is_large = in_motion[j].error > LARGE * in_motion[j].effort.max(f64::MIN_POSITIVE);
         let is_shape = is_large && correlation(&work.design.rows, &views.moving[j]) > COLOURED;
-        if (stays && is_shape) || is_function {
+        if ((stays && is_shape) || is_function) && !is_a_trifle(work, j, last) {
             places.push(j);
         }
     }
@@ -69,7 +70,7 @@ pub(crate) fn unexplained(work: &Work, views: &Views, last: &[Contest], settings
     let share = if sum_before > 0.0 { (sum_after / sum_before).min(1e6) } else { 0.0 };
     let says = sentence(work, &places, &depends_on, last);
     let pictured = |j: usize| depends[j].iter().filter(|d| is_real(d, settings)).take(3).map(|d| d.signal.clone()).collect::<Vec<_>>();
-    let curves = places.iter().flat_map(|&j| curves(work, j, views.moving, &pictured(j))).collect();
+    let curves = places.iter().flat_map(|&j| curves(work, &tables, j, views.moving, &pictured(j))).collect();
     let lines = places.iter().flat_map(|&j| lines(work, j, views.moving)).collect();
     let names = places.iter().map(|&j| drive_name(work, j)).collect();
     Leftover {
@@ -77,6 +78,12 @@ pub(crate) fn unexplained(work: &Work, views: &Views, last: &[Contest], settings
         curves,
         lines,
     }
+}
+
+/// Whether most of what stays at a joint has a name, and is too small for it: it is explained, and not worth a word.
+fn is_a_trifle(work: &Work, joint: usize, last: &[Contest]) -> bool {
+    let explains_most = |s: &Score| s.is_small && s.gain > 1.0 - UNEXPLAINED_SHARE * UNEXPLAINED_SHARE;
+    last.iter().flat_map(|c| &c.scores).any(|s| explains_most(s) && work.candidates[s.candidate].scope.contains(&joint))
 }
 
 fn drive_name(work: &Work, joint: usize) -> String {

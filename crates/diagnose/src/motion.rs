@@ -11,7 +11,7 @@ use pkm_ident::degrees::unit_that_closes;
 
 use crate::channels::{self, Channel};
 use crate::error::InputError;
-use crate::held::{Held, followed};
+use crate::held::Held;
 use crate::nominal;
 use crate::pushed::Pushed;
 use crate::segment::Segment;
@@ -163,7 +163,7 @@ pub(crate) fn motion_with(robot: &Robot, segment: Segment, lengths: Lengths) -> 
         dependent,
         moves,
         contradiction,
-        held: followed(robot).into_iter().map(|l| Held::new(l, (na, n), &segment.shelf)).collect(),
+        held: Held::all(robot, (na, n), &segment.shelf),
         pushed: Vec::new(),
         nominal: Vec::new(),
         turns: Vec::new(),

@@ -3,7 +3,7 @@
 use pkm_dyn::effects::{Applied, JointState, Law, LinkState, Memory, Robot, Site, Transmission};
 use pkm_dyn::math;
 
-use crate::held::Held;
+use crate::held::{Held, Spot};
 use crate::motion::Motion;
 use crate::sharing;
 use crate::shift::{self, FrictionOf};
@@ -85,7 +85,7 @@ fn at_softness(robot: &Robot, motion: &Motion, turns: &[Turn]) -> Vec<Vec<f64>> 
         }
     }
     for e in robot.effects.iter().filter(|e| e.site == Site::Link) {
-        let (Law::Wrench(law), Some(held)) = (e.entry.law, motion.held.iter().find(|h| h.link == e.place)) else { continue };
+        let (Law::Wrench(law), Some(held)) = (e.entry.law, Held::find(&motion.held, e.place, Spot::Origin)) else { continue };
         push(&mut out, held, motion.segment.dt, |s| law(&e.values, s));
     }
     out

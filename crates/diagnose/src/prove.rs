@@ -4,11 +4,10 @@ use crate::chain::{refine_chain, refresh_chain};
 use crate::columns::Family;
 use crate::design::{Chain, ColumnId};
 use crate::gram::{Cross, Gram};
-use crate::screen::{self, Base};
-use crate::search::{is_picked, is_possible, is_structure, simpler_body, tell};
+use crate::screen::{self, Base, Fitted};
+use crate::search::{can_be, is_picked, is_possible, is_structure, simpler_body, tell};
 use crate::settings::{MAX_SHIFTS, MAX_STRUCTURAL, Settings};
 use crate::simplify::one_cause;
-use crate::solve::Over;
 use crate::work::{Pick, Work};
 
 /// What has been found so far, to come back to.
@@ -130,28 +129,29 @@ fn chain_gain_judged_by(work: &mut Work, pick: usize, judge: fn(&Gram, &Cross, &
     1.0 - with / without.max(f64::MIN_POSITIVE)
 }
 
+/// All picks fitted together, or all but one.
+fn fitted(work: &Work, cross: &Cross, without: Option<usize>) -> Fitted {
+    let (columns, prior) = work.picked(without);
+    Fitted::new(&work.gram, cross, columns, &prior)
+}
+
 /// Picks that read as impossible beside the others, one of them left out or none.
-fn impossible(work: &Work, cross: &Cross, without: Option<usize>) -> Vec<usize> {
-    let (ids, prior) = work.picked(without);
-    let theta = screen::fit(&work.gram, cross, &ids, &prior, Over::All);
-    let value = |id: ColumnId| ids.iter().position(|&i| i == id).map_or(0.0, |i| theta[(i, 0)]);
-    let is_possible = |p: &Pick| crate::contest::reading(work, p.candidate, &p.variant, &value).is_ok();
-    (0..work.picks.len()).filter(|&i| Some(i) != without && !is_possible(&work.picks[i])).collect()
+fn impossible(work: &Work, fitted: &Fitted, without: Option<usize>) -> Vec<usize> {
+    (0..work.picks.len()).filter(|&i| Some(i) != without && !can_be(work, &work.picks[i], fitted)).collect()
 }
 
 /// The pick to go where any reads as impossible: one of these where the others explain as much without it; else the one whose loss leaves least of these, of
 /// those without which none does, and of `worst`, which the others make superfluous. Masses of neighbouring links share what one of them explains, and
 /// beside the wrong ones the true one may be what reads as impossible.
-fn in_the_way(work: &Work, cross: &Cross, worst: Option<usize>, settings: &Settings) -> Option<usize> {
-    let bad = impossible(work, cross, None);
+fn in_the_way(work: &Work, cross: &Cross, bad: &[usize], worst: Option<usize>, settings: &Settings) -> Option<usize> {
     let left = |i: usize| {
         let (columns, prior) = work.picked(Some(i));
         Base::new(&work.gram, cross, &columns, &prior).total(0)
     };
     let least = |picks: Vec<usize>| picks.into_iter().map(|i| (left(i), i)).min_by(|a, b| a.0.total_cmp(&b.0));
-    let of_bad = least(bad.clone())?;
+    let of_bad = least(bad.to_vec())?;
     let is_chain = |i: usize| work.candidates[work.picks[i].candidate].effect.family() == Family::Chain;
-    let is_cure = |i: usize| !is_chain(i) && impossible(work, cross, Some(i)).is_empty();
+    let is_cure = |i: usize| !is_chain(i) && impossible(work, &fitted(work, cross, Some(i)), Some(i)).is_empty();
     let others = (0..work.picks.len()).filter(|&i| !bad.contains(&i) && (Some(i) == worst || is_cure(i)));
     let of_others = least(others.collect());
     Some(of_others.filter(|o| o.0 < (1.0 - settings.floor) * of_bad.0).map_or(of_bad.1, |o| o.1))
@@ -160,9 +160,7 @@ fn in_the_way(work: &Work, cross: &Cross, worst: Option<usize>, settings: &Setti
 /// The pick whose loss costs least, if that is less than a pick must be worth, or if what was picked cannot be.
 fn superfluous(work: &mut Work, settings: &Settings) -> Option<usize> {
     let cross = work.gram.cross(&work.design, &work.real_targets(&[work.softness]));
-    let (ids, prior) = work.picked(None);
-    let theta = screen::fit(&work.gram, &cross, &ids, &prior, Over::All);
-    let value = |id: ColumnId| ids.iter().position(|&i| i == id).map_or(0.0, |i| theta[(i, 0)]);
+    let fitted = fitted(work, &cross, None);
     let mut worst: Option<(f64, usize)> = None;
     for i in 0..work.picks.len() {
         let p = work.picks[i].clone();
@@ -179,7 +177,7 @@ fn superfluous(work: &mut Work, settings: &Settings) -> Option<usize> {
             let g = screen::gains(&work.gram, &cross, &base, &own, &own_prior, scope);
             g.scope[0] / before
         };
-        let size = crate::worth::size(work, p.candidate, &p.variant, &value);
+        let size = crate::worth::size(work, p.candidate, &p.variant, &|id| fitted.coefficient(id));
         if size <= settings.tolerance_of(p.variant.n_own) {
             gain = gain.min(0.0);
         }
@@ -188,5 +186,5 @@ fn superfluous(work: &mut Work, settings: &Settings) -> Option<usize> {
         }
     }
     let worst = worst.map(|(_, i)| i);
-    in_the_way(work, &cross, worst, settings).or(worst)
+    in_the_way(work, &cross, &impossible(work, &fitted, None), worst, settings).or(worst)
 }

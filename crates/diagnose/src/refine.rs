@@ -283,11 +283,22 @@ fn change_link(work: &Work, model: &mut Model, link: usize, reading: &Parameters
     model.set_link_parameters(link, InertialParameters::from_vector(&theta));
 }
 
-/// The pick at the same joint whose law contains this one: a friction peak states the dry friction it rides on.
+/// The pick at the same joint without which this one is no cause of its own: a friction peak states the dry friction it rides on, and what yields
+/// before it slides does so in the place of friction that comes at once.
 pub(crate) fn container(work: &Work, pick: usize) -> Option<usize> {
     let at = |i: usize| &work.candidates[work.picks[i].candidate];
     if at(pick).effect_name() != "friction_coulomb" {
         return None;
     }
-    (0..work.picks.len()).find(|&i| at(i).effect_name() == "friction_stribeck" && at(i).is_where(at(pick)))
+    let is_lead = |i: &usize| matches!(at(*i).effect_name(), "friction_stribeck" | "friction_presliding") && at(*i).is_where(at(pick));
+    (0..work.picks.len()).find(is_lead)
+}
+
+/// Dry friction that comes at once and stays beside what yields before it slides, of these readings `[N | N·m]`.
+pub(crate) fn stays_beside(work: &Work, pick: usize, readings: &[Parameters]) -> Option<f64> {
+    if work.candidates[work.picks[pick].candidate].effect_name() != "friction_presliding" {
+        return None;
+    }
+    let held = (0..work.picks.len()).find(|&i| container(work, i) == Some(pick))?;
+    readings[held].iter().find(|(name, _)| *name == "coulomb").map(|(_, value)| *value)
 }

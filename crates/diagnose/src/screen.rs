@@ -244,6 +244,25 @@ pub(crate) fn fit(gram: &Gram, cross: &Cross, columns: &[ColumnId], prior: &[f64
     c
 }
 
+/// Columns with their coefficients on all fitted rows.
+pub(crate) struct Fitted {
+    columns: Vec<ColumnId>,
+    coefficients: Mat<f64>,
+}
+
+impl Fitted {
+    /// Fits `columns` to the first target, with inverse prior variances `prior`.
+    pub(crate) fn new(gram: &Gram, cross: &Cross, columns: Vec<ColumnId>, prior: &[f64]) -> Self {
+        let coefficients = fit(gram, cross, &columns, prior, Over::All);
+        Self { columns, coefficients }
+    }
+
+    /// Coefficient of a column, in physical units; 0 when it is not in the fit.
+    pub(crate) fn coefficient(&self, id: ColumnId) -> f64 {
+        self.columns.iter().position(|&i| i == id).map_or(0.0, |i| self.coefficients[(i, 0)])
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use pkm_dyn::effects::Robot;

@@ -2,12 +2,12 @@
 
 use crate::chain::{absorb_chain, refresh_chain, second_chain, settle_softness};
 use crate::columns::Family;
-use crate::contest::{Contest, Ground, Score, contest, decide};
-use crate::design::{ColumnId, View};
+use crate::contest::{Contest, Ground, Score, contest, decide, fuller};
+use crate::design::View;
 use crate::prove::{Found, prove, prove_refitted, prune_or_refit};
-use crate::screen::{self, Base};
+use crate::screen::{self, Base, Fitted};
 use crate::settings::{MAX_SHIFTS, MAX_STRUCTURAL, PRIORS, SOFTNESS, Settings};
-use crate::simplify::fuller_shapes;
+use crate::simplify::{AS_GOOD, fuller_shapes};
 use crate::solve::Over;
 use crate::work::{Pick, Work};
 
@@ -109,14 +109,12 @@ fn structure(work: &mut Work, band: f64, settings: &Settings, progress: &mut dyn
         let pick = decide(work, &mut now, &grounds, settings);
         progress(0.4 + 0.4 * (step + 1) as f64 / (MAX_STRUCTURAL + 1) as f64);
         let Some(pick) = pick.filter(|_| step < MAX_STRUCTURAL) else { break now };
-        let is_kept = holds(work, &pick, &grounds, settings);
-        let twin = if is_kept { None } else { crate::confirm::fitted_only(work, &pick, settings) };
-        let (is_kept, pick) = (is_kept || twin.is_some(), twin.unwrap_or(pick));
-        tell(work, if is_kept { "structure" } else { "refused: not on held-out rows" }, &pick);
-        if !is_kept {
+        let kept = that_holds(work, &now, &pick, &grounds, settings).or_else(|| crate::confirm::fitted_only(work, &pick, settings));
+        tell(work, if kept.is_some() { "structure" } else { "refused: not on held-out rows" }, kept.as_ref().unwrap_or(&pick));
+        let Some(pick) = kept else {
             refused.extend(now.scores.into_iter().find(|s| s.candidate == pick.candidate));
             continue;
-        }
+        };
         step += 1;
         let softness = pick.variant.softness.unwrap_or(work.softness);
         work.pick(pick);
@@ -135,6 +133,14 @@ pub(crate) fn shows_a_chain(work: &mut Work, band: f64, settings: &Settings) -> 
     let pool: Vec<usize> = (0..work.candidates.len()).filter(|&c| work.candidates[c].effect.family() == Family::Chain).collect();
     let mut now = contest(work, &pool, &grounds, &left, settings);
     decide(work, &mut now, &grounds, settings).is_some_and(|pick| holds(work, &pick, &grounds, settings))
+}
+
+/// The pick, or a fuller shape of it, that is worth a name on held-out rows too.
+fn that_holds(work: &Work, now: &Contest, pick: &Pick, grounds: &[Ground], settings: &Settings) -> Option<Pick> {
+    if holds(work, pick, grounds, settings) {
+        return Some(pick.clone());
+    }
+    fuller(work, now, pick.candidate, grounds, settings).into_iter().find(|p| holds(work, p, grounds, settings))
 }
 
 /// Whether structure found on the fitted rows is worth a name on the held-out ones too, on top of what was there before it. Several small wrong
@@ -165,21 +171,22 @@ pub(crate) fn is_picked(work: &Work, candidate: usize) -> bool {
     work.picks.iter().any(|p| p.candidate == candidate)
 }
 
+/// Whether a candidate changes the mass properties of a link.
+fn is_body(work: &Work, candidate: usize) -> bool {
+    matches!(work.candidates[candidate].effect_name(), "payload" | "inertia_error")
+}
+
 /// Whether the mass properties of a candidate's link are already being changed by a pick: one link, one change.
 fn same_body(work: &Work, candidate: usize) -> bool {
-    let is_body = |c: usize| matches!(work.candidates[c].effect_name(), "payload" | "inertia_error");
-    is_body(candidate)
-        && work.picks.iter().any(|p| is_body(p.candidate) && work.candidates[p.candidate].place == work.candidates[candidate].place)
+    let place = work.candidates[candidate].place;
+    is_body(work, candidate) && work.picks.iter().any(|p| is_body(work, p.candidate) && work.candidates[p.candidate].place == place)
 }
 
 /// Whether a push at the same time has been picked: one hand pushes at one place, and each drive that feels it would be another explanation.
 fn same_push(work: &Work, candidate: usize) -> bool {
-    let times = |v: &crate::work::Variant| (v.values[0], v.values[1]);
     let c = &work.candidates[candidate];
-    let overlaps = |p: &Pick| {
-        let (start, end) = times(&p.variant);
-        c.variants.first().map(times).is_some_and(|(from, to)| from < end && start < to)
-    };
+    let overlaps =
+        |p: &Pick| c.variants.first().is_some_and(|v| crate::columns::external_force::are_together(&v.values, &p.variant.values));
     c.effect_name() == "external_force"
         && work.picks.iter().any(|p| work.candidates[p.candidate].effect_name() == c.effect_name() && overlaps(p))
 }
@@ -189,7 +196,7 @@ fn same_push(work: &Work, candidate: usize) -> bool {
 fn fuller_bodies(work: &mut Work, settings: &Settings) {
     for i in 0..work.picks.len() {
         let (at, n) = (work.picks[i].candidate, work.picks[i].variant.columns.len());
-        if !same_body(work, at) {
+        if !is_body(work, at) {
             continue;
         }
         let scope = work.candidates[at].scope.clone();
@@ -203,7 +210,7 @@ fn fuller_bodies(work: &mut Work, settings: &Settings) {
                 let error = picked_error(work, &scope);
                 let pays = now - error > settings.floor * now && work.of_effort(now - error, &scope) > settings.tolerance;
                 // Payload comes first among equals: it is tried first and must be beaten clearly.
-                if pays && error < 0.98 * best.0 && is_possible(work, i) {
+                if pays && error < AS_GOOD * best.0 && is_possible(work, i) {
                     best = (error, work.picks[i].clone());
                 }
             }
@@ -215,15 +222,14 @@ fn fuller_bodies(work: &mut Work, settings: &Settings) {
 /// Changes of the mass properties of a candidate's link, its own included.
 fn bodies_at(work: &Work, candidate: usize) -> Vec<usize> {
     let place = work.candidates[candidate].place;
-    let is_body = |c: usize| matches!(work.candidates[c].effect_name(), "payload" | "inertia_error");
-    (0..work.candidates.len()).filter(|&c| is_body(c) && work.candidates[c].place == place).collect()
+    (0..work.candidates.len()).filter(|&c| is_body(work, c) && work.candidates[c].place == place).collect()
 }
 
 /// A change of a link's mass properties that reads as impossible takes the simpler shape that can be and explains most, if that is worth a name: of
 /// ten numbers these motions may show three. Whether there is one.
 pub(crate) fn simpler_body(work: &mut Work, pick: usize, settings: &Settings) -> bool {
     let old = work.picks[pick].clone();
-    if !same_body(work, old.candidate) {
+    if !is_body(work, old.candidate) {
         return false;
     }
     let scope = work.candidates[old.candidate].scope.clone();
@@ -236,7 +242,7 @@ pub(crate) fn simpler_body(work: &mut Work, pick: usize, settings: &Settings) ->
             let least = settings.floor_of(variant.n_own) * without;
             work.picks.insert(pick, Pick { candidate, variant, ..old.clone() });
             let error = picked_error(work, &scope);
-            let pays = without - error > least && best.as_ref().is_none_or(|(e, _)| error < 0.98 * e);
+            let pays = without - error > least && best.as_ref().is_none_or(|(e, _)| error < AS_GOOD * e);
             if pays && is_possible(work, pick) {
                 best = Some((error, work.picks[pick].clone()));
             }
@@ -256,11 +262,13 @@ pub(crate) fn picked_error(work: &Work, scope: &[usize]) -> f64 {
 
 pub(crate) fn is_possible(work: &Work, pick: usize) -> bool {
     let cross = work.gram.cross(&work.design, &work.real_targets(&[work.softness]));
-    let (ids, prior) = work.picked(None);
-    let theta = screen::fit(&work.gram, &cross, &ids, &prior, Over::All);
-    let value = |id: ColumnId| ids.iter().position(|&i| i == id).map_or(0.0, |i| theta[(i, 0)]);
-    let p = &work.picks[pick];
-    crate::contest::reading(work, p.candidate, &p.variant, &value).is_ok()
+    let (columns, prior) = work.picked(None);
+    can_be(work, &work.picks[pick], &Fitted::new(&work.gram, &cross, columns, &prior))
+}
+
+/// Whether what was fitted reads as possible.
+pub(crate) fn can_be(work: &Work, p: &Pick, fitted: &Fitted) -> bool {
+    crate::contest::reading(work, p.candidate, &p.variant, &|id| fitted.coefficient(id)).is_ok()
 }
 
 fn best_ground(work: &Work, grounds: &[Ground]) -> usize {

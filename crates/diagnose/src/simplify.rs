@@ -8,7 +8,7 @@ use crate::settings::Settings;
 use crate::work::{Pick, Work};
 
 /// Errors this near each other are the same: what is gained below it is no reason for a second cause.
-const AS_GOOD: f64 = 0.98;
+pub(crate) const AS_GOOD: f64 = 0.98;
 
 /// Structure that was found in a simple shape takes a fuller one of its own law where that pays on blocks it was not fitted on: beside a
 /// large parabola a cubic part is a small share of everything and most of what is left.

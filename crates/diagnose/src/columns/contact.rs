@@ -2,7 +2,7 @@
 
 use super::{Axis, Columns, Context, Family, Proposal, Reading, Shape, View, local, on_held, stroke};
 use crate::explain::number;
-use crate::held::ends;
+use crate::held::{Held, Spot, ends};
 use crate::motion::Motion;
 
 /// How deep it reaches into the range that the motion covers, to try, as shares of that range: less than half, or it is in the way
@@ -65,7 +65,7 @@ fn push(x: f64, position: f64, side: f64) -> f64 {
 }
 
 fn at_link(motions: &[Motion], link: usize) -> Vec<Shape> {
-    let held = |m: &Motion| m.held.iter().find(|h| h.link == link).map(|h| h.position.clone());
+    let held = |m: &Motion| Held::find(&m.held, link, Spot::Origin).map(|h| h.position.clone());
     let mut out = Vec::new();
     for axis in 0..3 {
         let all = || motions.iter().filter_map(held).flat_map(|p| p[axis].clone());
@@ -76,7 +76,7 @@ fn at_link(motions: &[Motion], link: usize) -> Vec<Shape> {
         }
         let n: [f64; 3] = core::array::from_fn(|c| if c == axis { 1.0 } else { 0.0 });
         for [position, side] in walls([low, high], &DEPTHS_OF_LINKS) {
-            let source = on_held(link, axis..axis + 1, move |h, c, i| push(h.position[c][i], position, side));
+            let source = on_held((link, Spot::Origin), axis..axis + 1, move |h, c, i| push(h.position[c][i], position, side));
             out.push(Shape::free(vec![source]).with([vec![position, side], n.to_vec()].concat()));
         }
     }

@@ -118,6 +118,11 @@ pub(crate) fn in_fitted_only(values: &[f64]) -> Option<[f64; 3]> {
     }
 }
 
+/// Whether shapes with these values push at a time that they have in common.
+pub(crate) fn are_together(a: &[f64], b: &[f64]) -> bool {
+    matches!((a, b), ([from, to, ..], [start, end, ..]) if from < end && start < to)
+}
+
 /// Whether a shape with these values did not act in recordings that are only judged on.
 pub(crate) fn acts_in_fitted_only(values: &[f64]) -> bool {
     values.get(2).is_some_and(|mode| *mode >= FITTED)
@@ -167,5 +172,6 @@ mod tests {
         assert_eq!(in_fitted_only(&[2.0, 4.5, ALWAYS]), Some([2.0, 4.5, FITTED]));
         assert_eq!(in_fitted_only(&[2.0, 4.5, FITTED]), None);
         assert!(acts_in_fitted_only(&[2.0, 4.5, FITTED]) && !acts_in_fitted_only(&[2.0, 4.5, ALWAYS]));
+        assert!(are_together(&[2.0, 4.5, ALWAYS], &[4.0, 6.0, FITTED]) && !are_together(&[2.0, 4.5, ALWAYS], &[4.5, 6.0, ALWAYS]));
     }
 }

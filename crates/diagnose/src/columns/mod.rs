@@ -44,7 +44,7 @@ use pkm_dyn::effects::{Entry, Site};
 
 use crate::design::{Chain, ColumnId, Make};
 use crate::explain::number;
-use crate::held::Held;
+use crate::held::{Held, Spot};
 use crate::motion::Motion;
 use crate::turning::Turn;
 
@@ -332,15 +332,15 @@ pub(crate) fn pair(drives: [usize; 2], f: impl Fn(&Motion, [usize; 2], usize) ->
     }))
 }
 
-/// The effort of all drives under a wrench on a link; `f` gives its component `c` (force first) at a sample, for the components `axes`.
+/// The effort of all drives under a wrench at a spot of a link; `f` gives its component `c` (force first) at a sample, for the components `axes`.
 pub(crate) fn on_held(
-    link: usize,
+    (link, spot): (usize, Spot),
     axes: core::ops::Range<usize>,
     f: impl Fn(&Held, usize, usize) -> f64 + Send + Sync + 'static,
 ) -> Source {
     global(move |m| {
         let (n, drives) = (m.segment.valid.len(), m.rigid.len());
-        let Some(held) = m.held.iter().find(|h| h.link == link) else { return vec![vec![0.0; n]; drives] };
+        let Some(held) = Held::find(&m.held, link, spot) else { return vec![vec![0.0; n]; drives] };
         let wrench: Vec<Vec<f64>> = axes.clone().map(|c| (0..n).map(|i| f(held, c, i)).collect()).collect();
         (0..drives).map(|k| held.felt(&wrench, axes.clone(), k)).collect()
     })

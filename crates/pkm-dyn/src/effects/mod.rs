@@ -327,6 +327,8 @@ pub struct LinkState {
     pub displacement: [f64; 6],
     /// Velocity of the link's origin `[m/s]`, then angular velocity `[rad/s]`.
     pub velocity: [f64; 6],
+    /// The link's x, y and z axis in the root frame; zero for a joint.
+    pub axes: [[f64; 3]; 3],
     /// Time since the motion began `[s]`.
     pub time: f64,
 }

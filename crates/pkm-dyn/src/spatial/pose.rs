@@ -52,6 +52,12 @@ impl Pose {
         Self { rotation: r, translation: -(r * self.translation) }
     }
 
+    /// The turn about a vector's direction by its length `[rad]`.
+    #[must_use]
+    pub fn from_rotation_vector(v: &Vector3<f64>) -> Self {
+        Self { rotation: rotation_exp(v), translation: Vector3::zeros() }
+    }
+
     /// Its rotation as a vector along the axis and as long as the angle, which is at most half a turn `[rad]`.
     #[must_use]
     pub fn rotation_vector(&self) -> Vector3<f64> {

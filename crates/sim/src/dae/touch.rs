@@ -40,6 +40,7 @@ impl Touching {
             position: [at.x, at.y, at.z],
             displacement: stacked(&moved, &turn),
             velocity: stacked(&velocity.linear, &velocity.angular),
+            axes: pose.rotation.into(),
             time,
         };
         let w = (self.law)(&self.values, &s);
