@@ -12,6 +12,7 @@ use std::sync::Mutex;
 
 use anyhow::{anyhow, ensure};
 use pkm_trials::case::{Answer, Design, Level, MORE, ROBOTS, Wish, make};
+use pkm_trials::menu::INSIDE;
 use pkm_trials::score::{Marks, beside, judge, markdown, page};
 use pkm_trials::seal;
 
@@ -39,6 +40,7 @@ Examples:
   pkm prove --cases 1200 --seed 7 --out proof --jobs 4 --resume
   pkm prove --cases 80 --noise-factors 1,2,4,8 --level L2 --size 2 --out noise
   pkm prove --cases 60 --recordings 1,2,4 --level L2 --size 2 --out lengths
+  pkm prove --cases 20 --effect backlash --level L1 --size 4 --out play
   pkm prove --cases 40 --seed 1 --out proof --seal-only
   pkm prove --out proof
   pkm prove --out proof --score-only
@@ -65,6 +67,9 @@ pub(crate) struct Args {
     /// Size of an effect over the smallest that can be detected; may be given several times [default: 0.5 1 2 4].
     #[arg(long = "size", value_name = "X", value_parser = crate::diagnosis::positive, help_heading = "Cases")]
     sizes: Vec<f64>,
+    /// Only this effect of the catalogue; may be given several times [default: all that are concealed].
+    #[arg(long = "effect", value_name = "NAME", value_parser = effect, help_heading = "Cases")]
+    effects: Vec<String>,
     /// Factors on the noise of the sensors, drawn at random for every case; sizes stay those of factor 1 [default: 1].
     #[arg(long, value_name = "F,F...", value_delimiter = ',', value_parser = crate::diagnosis::positive, help_heading = "Cases")]
     noise_factors: Vec<f64>,
@@ -109,6 +114,11 @@ fn robot(text: &str) -> Result<String, String> {
         .find(|r| **r == text)
         .map(|r| (*r).to_string())
         .ok_or_else(|| format!("must be one of {}", known.copied().collect::<Vec<_>>().join(", ")))
+}
+
+fn effect(text: &str) -> Result<String, String> {
+    let found = INSIDE.iter().find(|e| **e == text).map(|e| (*e).to_string());
+    found.ok_or_else(|| format!("must be one of {}", INSIDE.join(", ")))
 }
 
 /// Exit code after SIGINT, as shells give it.
@@ -175,13 +185,17 @@ fn generate(args: &Args, folder: &Folder, count: u64, stop: &AtomicBool) -> anyh
         sizes: args.sizes.clone(),
         noise_factors: args.noise_factors.clone(),
         recordings: args.recordings.iter().map(|n| usize::from(*n)).collect(),
+        effects: args.effects.clone(),
     };
-    folder.create()?;
     let numbers: Vec<u64> = (1..=count).filter(|n| !(args.resume && folder.has_case(&Folder::name(*n)))).collect();
-    each("making", args, stop, &numbers, |n| {
-        let case = make(&Wish::of(*n, args.seed, &design)).map_err(|e| anyhow!("case {n}: {e}"))?;
-        folder.write_case(&Folder::name(*n), &case)
-    })?;
+    let made = |n: u64| make(&Wish::of(n, args.seed, &design)).map_err(|e| anyhow!("case {n}: {e}"));
+    // What a robot cannot have is told before anything is written.
+    let first = numbers.first().filter(|_| !args.effects.is_empty()).map(|&n| made(n).map(|case| (n, case))).transpose()?;
+    folder.create()?;
+    if let Some((n, case)) = &first {
+        folder.write_case(&Folder::name(*n), case)?;
+    }
+    each("making", args, stop, &numbers[first.iter().count()..], |n| folder.write_case(&Folder::name(*n), &made(*n)?))?;
     if stop.load(Ordering::SeqCst) { Ok(()) } else { folder.write_seals() }
 }
 

@@ -167,14 +167,17 @@ impl<'a> Bench<'a> {
             }
             let list: &[&str] = if wish.level == Level::L5 { &OUTSIDE } else { &INSIDE };
             let drawn = *random.choose(list).unwrap_or(&list[0]);
-            let name = wish.effect.as_deref().unwrap_or(drawn);
+            let asked_for = wish.effect.as_deref().filter(|_| out.is_empty() && wish.level != Level::L5);
+            let name = asked_for.unwrap_or(drawn);
             // Two effects must be two, and a base that rocks renumbers what others have been put on.
             let is_taken = out.iter().any(|f| f.choice.effect == name) || (count > 1 && name == "structure_flexibility");
             let is_swallowed = wish.level.is_refitted() && SWALLOWED.contains(&name);
             let Some(choice) = (!is_taken && !is_swallowed).then(|| choose(name, scene, random)).flatten() else { continue };
             out.extend(self.calibrate(choice, wish.size, !wish.level.is_refitted())?);
         }
-        Err(RobotError::Unknown(format!("case {}: nothing could be concealed in {}", wish.number, wish.robot)))
+        let what = wish.effect.as_deref().unwrap_or("nothing");
+        let verb = if wish.effect.is_some() { "cannot" } else { "could" };
+        Err(RobotError::Unknown(format!("{what} {verb} be concealed in {} at {:?} with size {}", wish.robot, wish.level, wish.size)))
     }
 }
 

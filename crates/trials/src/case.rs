@@ -85,6 +85,8 @@ pub struct Design {
     pub noise_factors: Vec<f64>,
     /// How many recordings there are to learn from: 1, 2 or 4; sizes stay those of 2.
     pub recordings: Vec<usize>,
+    /// Effects to conceal, one of them in every case that conceals what the catalogue has; empty draws from all.
+    pub effects: Vec<String>,
 }
 
 /// What is to be made.
@@ -104,7 +106,7 @@ pub struct Wish {
     pub noise: f64,
     /// Recordings to learn from.
     pub recordings: usize,
-    /// A certain effect in place of a random one.
+    /// A certain effect in place of a random one; of two effects the first, of physics outside the catalogue none.
     pub effect: Option<String>,
 }
 
@@ -121,7 +123,8 @@ impl Wish {
         let size = *random.choose(&design.sizes).or_else(|| random.choose(&SIZES)).unwrap_or(&1.0);
         let noise = *random.choose(&design.noise_factors).unwrap_or(&1.0);
         let recordings = *random.choose(&design.recordings).unwrap_or(&MEASURED);
-        Self { number, seed, level, robot: robot.to_string(), size, noise, recordings, effect: None }
+        let effect = random.choose(&design.effects).cloned();
+        Self { number, seed, level, robot: robot.to_string(), size, noise, recordings, effect }
     }
 }
 

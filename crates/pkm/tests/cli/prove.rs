@@ -61,6 +61,10 @@ fn bad_runs_are_refused() {
     let folder = TempDir::new().unwrap();
     let at = folder.path();
     refused(at, &["prove", "--out", "run", "--cases", "1", "--level", "L9"], &["L0"]);
+    refused(at, &["prove", "--out", "run", "--cases", "1", "--effect", "gremlins"], &["gremlins", "must be one of", "backlash"]);
+    // What no drive of the robot can have.
+    let coupled = ["--cases", "1", "--effect", "transmission_coupling", "--robot", "prs3", "--level", "L1"];
+    refused(at, &[&["prove", "--out", "coupled"], &coupled[..]].concat(), &["case 1", "transmission_coupling cannot be concealed in prs3"]);
     refused(at, &["prove", "--out", "run", "--cases", "0"], &["--cases"]);
     refused(at, &["prove", "--out", "run", "--cases", "1", "--robot", "nobody"], &["prs3"]);
     refused(at, &["prove", "--out", "nowhere"], &["nowhere"]);
