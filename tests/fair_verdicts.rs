@@ -268,11 +268,11 @@ fn a_push_is_one_on_the_outermost_link_where_the_drive_beside_it_feels_the_same(
     assert!(f.cannot_tell_from.iter().any(|a| a.effect == "external_force" && a.place == ["y"]), "{:?}", f.cannot_tell_from);
 }
 
-/// A verdict on a slide that is pulled to a place beside its stroke, the harder the farther, by so much at a metre `[N/m]`.
-fn on_a_spring(stiffness: f64) -> Verdict {
+/// A verdict on a slide that is pulled back with that stiffness in the middle `[N/m]` and a curve with these second and third powers `[1/m, 1/m²]`.
+fn on_a_spring(stiffness: f64, [second, third]: [f64; 2]) -> Verdict {
     let robot = slides(&[("x", "base")]);
     let pulled = |w: &Wave| -> Vec<f64> {
-        let curve = |q: f64| stiffness * (q + 0.4 * q * q + 4.0 * q * q * q);
+        let curve = |q: f64| stiffness * (q + second * q * q + third * q * q * q);
         effort(w, 10.0).iter().zip(w).map(|(t, (q, _, _))| t + curve(*q)).collect()
     };
     let record = |name: &str, waves: &[(f64, f64)], phase: f64, seed: u64| {
@@ -285,12 +285,12 @@ fn on_a_spring(stiffness: f64) -> Verdict {
 
 #[test]
 fn a_spring_has_its_name_beside_a_fuller_law_that_is_too_small_for_one() {
-    // 0.8 % of the effort: more than a spring must be, less than a cable's curve of five numbers.
-    let v = on_a_spring(1.1);
+    // 0.8 % of the effort: more than a spring of two numbers must be, less than a cable's curve of five, which explains a hair more.
+    let v = on_a_spring(1.3, [0.8, 0.0]);
     let names: Vec<&str> = v.findings.iter().map(|f| f.effect.as_str()).collect();
-    assert_eq!(names, ["spring"], "{}", v.says);
-    // Too small for either, and no other law's to have.
-    let v = on_a_spring(0.9);
+    assert_eq!(names.first(), Some(&"spring"), "{}", v.says);
+    // Too small for either, no other law's to have, and not unexplained.
+    let v = on_a_spring(0.9, [0.4, 4.0]);
     assert!(v.nothing_missing, "{}", v.says);
     let small = v.ruled_out.iter().find(|r| r.effect == "spring").expect("a spring that was weighed");
     assert!(small.why_not.contains("worth naming") && small.gain > 0.5, "{}", small.why_not);
