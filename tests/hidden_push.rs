@@ -2,7 +2,11 @@
 
 use pkm_diagnose::{Diagnosis, Settings, diagnose};
 use pkm_dyn::effects::{Applied, Robot};
+use pkm_dyn::kinematics::frame_pose;
+use pkm_dyn::model::FrameOnBody;
 use pkm_dyn::urdf::{Description, parse};
+use pkm_dyn::{Data, loops};
+use pkm_ident::Recording;
 use pkm_sim::Scenario;
 
 fn shipped(name: &str) -> Description {
@@ -15,16 +19,18 @@ fn effect(nominal: &Description, name: &str, place: &str, numbers: &[(&str, f64)
     Applied::try_new(&nominal.bare, name, place, &numbers).expect("a valid effect")
 }
 
+/// A motion of its own with these effects.
+fn record(nominal: &Description, effects: &[Applied], seed: u64) -> Recording {
+    let truth = Robot::new(nominal.bare.clone(), effects.to_vec());
+    let scenario = Scenario { seed, ..Scenario::default() };
+    let mut r = pkm_sim::run(&truth, &nominal.robot, &scenario, &mut |_| {}).expect("the closed loop runs");
+    r.name = format!("motion{seed}");
+    r
+}
+
 /// Diagnoses a motion with `hidden` and judges on another one with `in_holdout`.
 fn judged(nominal: &Description, hidden: &[Applied], in_holdout: &[Applied], seed: u64) -> Diagnosis {
-    let record = |effects: &[Applied], seed: u64| {
-        let truth = Robot::new(nominal.bare.clone(), effects.to_vec());
-        let scenario = Scenario { seed, ..Scenario::default() };
-        let mut r = pkm_sim::run(&truth, &nominal.robot, &scenario, &mut |_| {}).expect("the closed loop runs");
-        r.name = format!("motion{seed}");
-        r
-    };
-    let (train, holdout) = (record(hidden, 10 * seed + 1), record(in_holdout, 10 * seed + 2));
+    let (train, holdout) = (record(nominal, hidden, 10 * seed + 1), record(nominal, in_holdout, 10 * seed + 2));
     diagnose(nominal, &[train], &[holdout], &Settings::default(), &mut |_| {}).expect("the recordings are usable")
 }
 
@@ -63,4 +69,38 @@ fn what_stays_is_no_push() {
         let d = judged(&nominal, &hidden, &hidden, 5);
         assert!(d.verdict.findings.iter().all(|f| f.effect != "external_force"), "{robot}, {name}: {}", d.verdict.says);
     }
+}
+
+#[test]
+fn a_limb_that_holds_the_middle_of_a_platform_is_named_with_its_stiffness_wherever_recordings_begin() {
+    let nominal = shipped("prs3");
+    let model = &nominal.bare;
+    let link = model.link_index("platform").expect("a platform");
+    // The platform's frame lies in a joint at its rim.
+    let (middle, _) = model.links[link].parameters.centre_of_mass();
+    assert!(middle.norm() > 0.1);
+    let mut data = Data::new(model);
+    assert!(loops::assemble(model, &mut data).is_closed);
+    let rest = frame_pose(&data, &FrameOnBody { body: model.links[link].body, pose: model.links[link].pose });
+    let rest = rest.rotation * middle + rest.translation;
+    let numbers = [
+        ("stiffness", 700.0),
+        ("damping", 40.0),
+        ("in_space", 1.0),
+        ("rest_x", rest.x),
+        ("rest_y", rest.y),
+        ("rest_z", rest.z),
+        ("x", middle.x),
+        ("y", middle.y),
+        ("z", middle.z),
+    ];
+    let limb = [effect(&nominal, "limb_impedance", "platform", &numbers)];
+    let train = [71, 72].map(|seed| record(&nominal, &limb, seed));
+    let d = diagnose(&nominal, &train, &[record(&nominal, &limb, 73)], &Settings::default(), &mut |_| {}).expect("usable recordings");
+    let f = d.verdict.findings.first().unwrap_or_else(|| panic!("{}", d.verdict.says));
+    assert_eq!((f.effect.as_str(), f.place[0].as_str()), ("limb_impedance", "platform"), "{}", d.verdict.says);
+    assert!((f.parameters["stiffness"].value / 700.0 - 1.0).abs() < 0.05, "{:?}", f.parameters);
+    assert!((f.parameters["damping"].value / 40.0 - 1.0).abs() < 0.1, "{:?}", f.parameters);
+    let h = &d.verdict.heldout;
+    assert!(h.rms_final < 0.3 * h.rms_nominal, "{h:?}");
 }
