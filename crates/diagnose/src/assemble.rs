@@ -132,6 +132,8 @@ fn finish(work: &Work) -> Final {
             let unit = explain::unit(work, i, name);
             let tried = match (entry.name, name) {
                 (_, name) if TRIED.contains(&name) => tried_interval(work, i, value),
+                // One of two spots was tried, not fitted: halfway to the link's origin, and as far beyond.
+                ("limb_impedance", "x" | "y" | "z") => Some([value - 0.5 * value.abs(), value + 0.5 * value.abs()]),
                 // What was tried is how far the joint gives: its level over its stiffness.
                 ("friction_presliding", "stiffness") => {
                     let level = p.variant.values[0] * value;

@@ -124,6 +124,25 @@ fn least_mass(work: &Work, pick: usize) -> &'static str {
     " The link turns about its own origin, so only mass times distance shows: the mass is the least that fits on the link, and may be larger and nearer."
 }
 
+/// Where a limb holds its link and pulls to.
+fn where_held(parameters: &BTreeMap<String, Estimate>, effect: &str) -> String {
+    if effect != "limb_impedance" {
+        return String::new();
+    }
+    let mut out = String::new();
+    if let [Some(x), Some(y), Some(z)] = ["x", "y", "z"].map(|name| parameters.get(name)) {
+        let away = pkm_dyn::math::hypot(pkm_dyn::math::hypot(x.value, y.value), z.value);
+        out += &format!(" It explains more at the link's centre of mass, {} m from its origin, than there.", number(away));
+    }
+    if parameters.contains_key("in_space") {
+        out += " It pulls to one place in space, wherever a recording begins.";
+    }
+    if !parameters.contains_key("stiffness") {
+        out += " What a stiffness would do, masses and weights imitate along these motions.";
+    }
+    out
+}
+
 /// What was found, where, how large, and what it does for the fit, from the step before it to its own.
 pub(crate) fn sentence(
     work: &Work,
@@ -147,7 +166,7 @@ pub(crate) fn sentence(
     } else {
         entry.sentence.to_string()
     };
-    let mut out = format!("{place}, {sentence}: {sizes}.{}", least_mass(work, pick));
+    let mut out = format!("{place}, {sentence}: {sizes}.{}{}", least_mass(work, pick), where_held(parameters, entry.name));
     let (b, a) = (100.0 * before.heldout, 100.0 * after.heldout);
     out += &format!(" With it the held-out error goes from {b:.1} % to {a:.1} % of the effort");
     out += &if a > b && after.moving < before.moving {
