@@ -9,13 +9,15 @@ use alloc::collections::BTreeMap;
 
 use pkm_diagnose::verdict::Status;
 use pkm_diagnose::{ControllerTwin, Diagnosis, Settings, diagnose, diagnose_with_controller};
-use pkm_dyn::Data;
 use pkm_dyn::effects::{Applied, Robot};
 use pkm_dyn::inverse_dynamics::closed_loop_motion;
 use pkm_dyn::loops::{assemble, walk_to};
 use pkm_dyn::urdf::{Description, parse};
+use pkm_dyn::{Data, math};
 use pkm_ident::Recording;
 use pkm_sim::Scenario;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 fn shipped(name: &str) -> Description {
     let robot = pkm_robots::find(name).expect("a shipped robot");
@@ -187,6 +189,34 @@ fn a_person_who_pushes_is_what_does_not_repeat() {
         assert!((0.5..1.5).contains(&(found / rms)), "{found} N instead of {rms} N");
         runs(&refined(&nominal, &d));
     }
+}
+
+/// Adds to every drive's effort a slow noise of its own, `share` of its rms: amplifiers and friction that are never twice the same.
+fn with_drives_that_scatter(mut r: Recording, share: f64, seed: u64) -> Recording {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    // First order, a memory of a tenth of a second; uniform steps of variance one.
+    let kept = math::exp(-(r.time[1] - r.time[0]) / 0.1);
+    for tau in r.signals.iter_mut().filter(|(name, _)| name.starts_with("tau.")).map(|(_, tau)| tau) {
+        let rms = math::sqrt(tau.iter().map(|x| x * x).sum::<f64>() / tau.len() as f64);
+        let mut x = 0.0;
+        for tau in tau.iter_mut() {
+            x = kept * x + math::sqrt(1.0 - kept * kept) * math::sqrt(12.0) * (rng.random::<f64>() - 0.5);
+            *tau += share * rms * x;
+        }
+    }
+    r
+}
+
+#[test]
+fn a_hand_too_light_to_stand_out_is_found_by_what_the_drives_have_in_common() {
+    let nominal = shipped("prs3");
+    let d = judge(&nominal, &recordings(&nominal, &[effect(&nominal, "active_limb", "platform", &[("rms", 8.0)])], 1));
+    assert!(is_found(&d, "active_limb", "platform"), "{}", line(&d));
+    assert!(d.verdict.findings[0].says.contains("The drives differ together"), "{}", d.verdict.says);
+    // As much from each drive on its own is no hand, nor anything else.
+    let alone = recordings(&nominal, &[], 1).map(|r| with_drives_that_scatter(r, 0.012, 5));
+    let d = judge(&nominal, &alone);
+    assert!(d.verdict.findings.is_empty() && d.verdict.status != Status::NotRepeatable, "{}", line(&d));
 }
 
 /// Adds what encoders on the passive joints would read with the true model at the recorded positions of the drives.

@@ -36,6 +36,7 @@ mod leftover;
 mod located;
 mod motion;
 mod nominal;
+mod one_hand;
 mod picture;
 mod plan;
 mod predict;

@@ -16,6 +16,7 @@ use pkm_dyn::{Data, loops, math};
 use crate::evidence::{Evidence, Refined};
 use crate::explain::number;
 use crate::final_fit::{errors, white_power_where};
+use crate::one_hand::Together;
 use crate::settings::Settings;
 use crate::verdict::{Compensation, EffectAt, Estimate, Finding, LookAlike, Status, Verdict};
 use crate::work::Work;
@@ -35,8 +36,12 @@ const MOSTLY: f64 = 0.5;
 /// Another link explains the scatter as well when it leaves less than so much more of it.
 const AS_WELL: f64 = 0.05;
 
-/// Scatter worth a word, as a share of the effort: drives and their amplifiers scatter by one or two percent on their own.
+/// Scatter worth a word whatever it looks like, as a share of the effort: drives and their amplifiers scatter by one or two percent on their own.
+/// Smaller scatter must be shown to come from one force ([`crate::one_hand`]).
 const WORTH: f64 = 0.02;
+
+/// Rows that are asked whether the drives scatter together: hours of a hand say no more than minutes.
+const ROWS: usize = 6000;
 
 type Left = [Vec<Vec<f64>>];
 
@@ -59,27 +64,14 @@ struct Scatter {
 pub(crate) fn look_for_a_person(work: &Work, left: &Left, told: (&mut Verdict, &mut Evidence, &mut Refined), settings: &Settings) {
     let (verdict, evidence, refined) = told;
     let Some(entry) = find("active_limb") else { return };
-    let Some(scatter) = scatter(work, left) else { return };
-    tracing::debug!(scatter.over_noise, scatter.share, scatter.size, scatter.periods, "what does not repeat");
-    if scatter.over_noise < ABOVE_NOISE || scatter.share < MOSTLY || scatter.size < WORTH {
-        return;
-    }
+    let Some((scatter, chance)) = worth_a_word(work, left, settings) else { return };
     if settings.leaves_out(entry.name) {
         return say_without_its_name(verdict, &scatter);
     }
     let places = places(work, &scatter);
     let Some((link, rms, unexplained)) = places.first().copied() else { return };
     let name = |link: usize| work.robot.model.links[link].name.clone();
-    let says = format!(
-        "On link {}, {}: about {} N rms. Over {} periods of one motion {:.0} % of what is left differs from period to period ({:.1} % of the effort, {:.0} times the sensors' noise in power).",
-        name(link),
-        entry.sentence,
-        number(rms),
-        scatter.periods,
-        100.0 * scatter.share,
-        100.0 * scatter.size,
-        scatter.over_noise
-    );
+    let says = format!("On link {}, {}: about {} N rms. {}", name(link), entry.sentence, number(rms), how(&scatter, chance));
     let others = places[1..].iter().filter(|(_, _, left)| *left < unexplained + AS_WELL);
     let cannot_tell_from: Vec<EffectAt> = others
         .map(|(other, _, _)| EffectAt {
@@ -106,7 +98,7 @@ pub(crate) fn look_for_a_person(work: &Work, left: &Left, told: (&mut Verdict, &
         regime: vec!["all".to_string()],
         when: format!("differently in each of {} periods", scatter.periods),
         confidence: sure * math::sqrt(scatter.share) / (1 + cannot_tell_from.len()) as f64,
-        p_value: 1.0 / (settings.null_runs + 1) as f64,
+        p_value: chance.unwrap_or(1.0 / (settings.null_runs + 1) as f64),
         parameters: BTreeMap::from([("rms".to_string(), estimate)]),
         heldout_rms_before: now,
         heldout_rms_after: now,
@@ -126,6 +118,33 @@ pub(crate) fn look_for_a_person(work: &Work, left: &Left, told: (&mut Verdict, &
     evidence.findings.iter_mut().filter(|p| p.rank > before).for_each(|p| p.rank += 1);
     verdict.findings.insert(before, finding);
     refined.effects.push(Applied::at(entry, link, vec![rms]));
+}
+
+/// What does not repeat where it is worth a word, with the chance that drives alone look so much like one force where that had to be asked.
+fn worth_a_word(work: &Work, left: &Left, settings: &Settings) -> Option<(Scatter, Option<f64>)> {
+    let scatter = scatter(work, left)?;
+    tracing::debug!(scatter.over_noise, scatter.share, scatter.size, scatter.periods, "what does not repeat");
+    if scatter.over_noise < ABOVE_NOISE || scatter.share < MOSTLY || scatter.size < settings.tolerance {
+        return None;
+    }
+    // The two tests of any finding, in one.
+    let level = settings.search_level * settings.confirm_level;
+    let chance = (scatter.size < WORTH).then(|| chance_alone(work, &scatter, settings));
+    tracing::debug!(chance, level, "chance that drives which scatter alone look so much like one force");
+    chance.is_none_or(|p| p <= level).then_some((scatter, chance))
+}
+
+/// How it shows that somebody pushes.
+fn how(scatter: &Scatter, chance: Option<f64>) -> String {
+    let together = chance.map(|p| format!(" The drives differ together, as one force makes them: by chance with p = {}.", number(p)));
+    format!(
+        "Over {} periods of one motion {:.0} % of what is left differs from period to period ({:.1} % of the effort, {:.0} times the sensors' noise in power).{}",
+        scatter.periods,
+        100.0 * scatter.share,
+        100.0 * scatter.size,
+        scatter.over_noise,
+        together.unwrap_or_default()
+    )
 }
 
 /// Where a person who makes this share of what is left stands among findings in the order of what they explain. What the controller was told
@@ -241,37 +260,23 @@ fn scatter(work: &Work, left: &Left) -> Option<Scatter> {
 /// Links on which a force could make the scatter, best first, the farther from the root of equals: link, rms of the force `[N]`, share of
 /// the scatter that it leaves. The force acts at the link's origin, or at its centre of mass where that leaves clearly less: nobody knows where a hand lies.
 fn places(work: &Work, scatter: &Scatter) -> Vec<(usize, f64, f64)> {
-    let model = &work.robot.model;
-    let links: Vec<usize> = model.massive_links().into_iter().rev().filter(|&l| model.links[l].body.is_some()).collect();
-    let weight: Vec<f64> = work.design.weight.iter().take(model.n_act()).copied().collect();
-    let points: Vec<(usize, FrameOnBody)> = links.iter().flat_map(|&l| points(&model.links[l]).map(|point| (l, point))).collect();
+    let points = points(work);
     // Force squared, what is left, what there was, rows.
     let mut sums = vec![[0.0_f64; 4]; points.len()];
-    let mut data = Data::new(model);
-    for (s, rows) in scatter.rows.iter().enumerate() {
-        let segment = &work.motions[s].segment;
-        let mut is_placed = false;
-        for &i in rows {
-            let raw = work.design.fine[s].raw_index(i).min(segment.valid.len() - 1);
-            let at = |x: &[Vec<f64>]| x.iter().map(|x| x[raw]).collect::<Vec<f64>>();
-            let (q, v, a) = (at(&segment.q), at(&segment.v), at(&segment.a));
-            if !is_placed {
-                is_placed = loops::assemble(model, &mut data).is_closed && loops::walk_to(model, &mut data, &q).is_closed;
-            }
-            if !closed_loop_motion(model, &mut data, &q, &v, &a).is_closed {
-                return Vec::new();
-            }
-            loops::drive_reduction(model, &mut data);
-            // What pushes the robot is effort that the drives are spared.
-            let y = DVector::from_iterator(weight.len(), weight.iter().enumerate().map(|(j, w)| -w * scatter.series[s][j][i]));
-            for (sum, (_, point)) in sums.iter_mut().zip(&points) {
-                let (force, left) = force_at(work, &mut data, point, &y);
-                sum[0] += force.norm_squared();
-                sum[1] += left;
-                sum[2] += y.norm_squared();
-                sum[3] += 1.0;
-            }
+    let rows: Vec<(usize, usize)> = rows_of(scatter).collect();
+    let is_closed = along(work, &rows, &mut |data, row| {
+        let (s, i) = rows[row];
+        let y = DVector::from_iterator(work.robot.model.n_act(), (0..work.robot.model.n_act()).map(|j| felt(work, scatter, j, (s, i))));
+        for (sum, (_, point)) in sums.iter_mut().zip(&points) {
+            let (force, left) = force_at(&lever(work, data, point), &y);
+            sum[0] += force.norm_squared();
+            sum[1] += left;
+            sum[2] += y.norm_squared();
+            sum[3] += 1.0;
         }
+    });
+    if !is_closed {
+        return Vec::new();
     }
     let each = points.iter().zip(sums).filter(|(_, s)| s[3] > 0.0 && s[2] > 0.0 && s[0] > 0.0);
     let found: Vec<(usize, f64, f64)> = each.map(|((link, _), s)| (*link, math::sqrt(s[0] / s[3]), s[1] / s[2])).collect();
@@ -284,31 +289,83 @@ fn places(work: &Work, scatter: &Scatter) -> Vec<(usize, f64, f64)> {
     out
 }
 
+/// How probable it is that drives which scatter each on its own look as much like one force on a link as these do; one where the robot cannot be followed.
+fn chance_alone(work: &Work, scatter: &Scatter, settings: &Settings) -> f64 {
+    let all: Vec<(usize, usize)> = rows_of(scatter).collect();
+    let rows: Vec<(usize, usize)> = all.iter().copied().step_by(all.len().div_ceil(ROWS).max(1)).collect();
+    let series: Vec<Vec<f64>> =
+        (0..work.robot.model.n_act()).map(|j| rows.iter().map(|&row| felt(work, scatter, j, row)).collect()).collect();
+    let starts: Vec<usize> = (1..rows.len()).filter(|&i| rows[i].0 != rows[i - 1].0).collect();
+    let points = points(work);
+    let mut together = Together::new(&series, &starts, points.len(), (settings.null_runs, settings.seed));
+    let is_closed = along(work, &rows, &mut |data, row| {
+        points.iter().enumerate().for_each(|(p, (_, point))| together.add(row, p, &lever(work, data, point)));
+    });
+    if is_closed { together.chance() } else { 1.0 }
+}
+
+/// Segment and row of all scatter.
+fn rows_of(scatter: &Scatter) -> impl Iterator<Item = (usize, usize)> {
+    scatter.rows.iter().enumerate().flat_map(|(s, rows)| rows.iter().map(move |&i| (s, i)))
+}
+
+/// Weighted scatter of a drive: what pushes the robot is effort that the drives are spared.
+fn felt(work: &Work, scatter: &Scatter, joint: usize, (segment, row): (usize, usize)) -> f64 {
+    -work.design.weight[joint] * scatter.series[segment][joint][row]
+}
+
+/// Takes the robot along these rows, segment and row each, and calls back with the robot there and the number of the row; whether its loops close all along.
+fn along(work: &Work, rows: &[(usize, usize)], visit: &mut dyn FnMut(&mut Data, usize)) -> bool {
+    let model = &work.robot.model;
+    let mut data = Data::new(model);
+    let mut before = None;
+    for (number, &(s, i)) in rows.iter().enumerate() {
+        let segment = &work.motions[s].segment;
+        let raw = work.design.fine[s].raw_index(i).min(segment.valid.len() - 1);
+        let at = |x: &[Vec<f64>]| x.iter().map(|x| x[raw]).collect::<Vec<f64>>();
+        let (q, v, a) = (at(&segment.q), at(&segment.v), at(&segment.a));
+        if before != Some(s) && loops::assemble(model, &mut data).is_closed && loops::walk_to(model, &mut data, &q).is_closed {
+            before = Some(s);
+        }
+        if !closed_loop_motion(model, &mut data, &q, &v, &a).is_closed {
+            return false;
+        }
+        loops::drive_reduction(model, &mut data);
+        visit(&mut data, number);
+    }
+    true
+}
+
+/// Where a hand may lie: origin and centre of mass of each link that moves, the farthest from the root first.
+fn points(work: &Work) -> Vec<(usize, FrameOnBody)> {
+    let model = &work.robot.model;
+    let links = model.massive_links().into_iter().rev().filter(|&l| model.links[l].body.is_some());
+    links.flat_map(|l| points_on(&model.links[l]).map(|point| (l, point))).collect()
+}
+
 /// A link's origin and its centre of mass.
-fn points(link: &Link) -> [FrameOnBody; 2] {
+fn points_on(link: &Link) -> [FrameOnBody; 2] {
     let centre = link.parameters.first_moment() / link.parameters.mass.max(f64::MIN_POSITIVE);
     let at = |point| FrameOnBody { body: link.body, pose: link.pose.compose(&Pose { translation: point, ..Pose::identity() }) };
     [at(Vector3::zeros()), at(centre)]
 }
 
-/// Force at a point that explains weighted efforts `y` at the drives best, and the square that it leaves.
-fn force_at(work: &Work, data: &mut Data, point: &FrameOnBody, y: &DVector<f64>) -> (Vector3<f64>, f64) {
+/// Weighted effort at the drives, drives x 3, of a unit force at a point along each axis of the base.
+fn lever(work: &Work, data: &mut Data, point: &FrameOnBody) -> DMatrix<f64> {
     let model = &work.robot.model;
     let jacobian = frame_jacobian(model, data, point, Reference::LocalWorldAligned).clone();
-    let n = model.n_act();
-    let mut a = DMatrix::zeros(n, 3);
-    for k in 0..n {
-        for axis in 0..3 {
-            let sum: f64 = (0..model.nv()).map(|j| jacobian[(axis, j)] * data.drive_reduction[(j, k)]).sum();
-            a[(k, axis)] = work.design.weight[k] * sum;
-        }
-    }
-    let normal: Matrix3<f64> = (a.transpose() * &a).fixed_view::<3, 3>(0, 0).into_owned();
-    let rhs = a.transpose() * y;
+    let entry = |k: usize, axis: usize| (0..model.nv()).map(|j| jacobian[(axis, j)] * data.drive_reduction[(j, k)]).sum::<f64>();
+    DMatrix::from_fn(model.n_act(), 3, |k, axis| work.design.weight[k] * entry(k, axis))
+}
+
+/// Force of that lever that explains weighted efforts `y` at the drives best, and the square that it leaves.
+fn force_at(lever: &DMatrix<f64>, y: &DVector<f64>) -> (Vector3<f64>, f64) {
+    let normal: Matrix3<f64> = (lever.transpose() * lever).fixed_view::<3, 3>(0, 0).into_owned();
+    let rhs = lever.transpose() * y;
     // Directions that no drive feels stay free of force.
     let ridge = 1e-6 * normal.trace().max(f64::MIN_POSITIVE);
     let force = (normal + Matrix3::identity() * ridge).try_inverse().map_or(Vector3::zeros(), |m| m * Vector3::new(rhs[0], rhs[1], rhs[2]));
-    let left = (y - a * force).norm_squared();
+    let left = (y - lever * force).norm_squared();
     (force, left)
 }
 

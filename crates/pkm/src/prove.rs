@@ -195,7 +195,7 @@ fn generate(args: &Args, folder: &Folder, count: u64, stop: &AtomicBool) -> anyh
     if let Some((n, case)) = &first {
         folder.write_case(&Folder::name(*n), case)?;
     }
-    each("making", args, stop, &numbers[first.iter().count()..], |n| folder.write_case(&Folder::name(*n), &made(*n)?))?;
+    each("making", args, stop, &numbers[usize::from(first.is_some())..], |n| folder.write_case(&Folder::name(*n), &made(*n)?))?;
     if stop.load(Ordering::SeqCst) { Ok(()) } else { folder.write_seals() }
 }
 

@@ -5,7 +5,7 @@ use core::fmt::Write as _;
 
 use super::judge::Marks;
 use super::picture::effect;
-use super::table::share;
+use super::table::{is_large, share};
 use super::tally::Count;
 use crate::case::Level;
 
@@ -13,7 +13,7 @@ use crate::case::Level;
 #[must_use]
 pub(crate) fn named(marks: &[Marks]) -> String {
     let mut groups: BTreeMap<&str, Vec<&Marks>> = BTreeMap::new();
-    for m in marks.iter().filter(|m| m.level <= Level::L3 && m.size.is_some_and(|s| s >= 1.5)) {
+    for m in marks.iter().filter(|m| m.level <= Level::L3 && is_large(m)) {
         if let [concealed] = &m.concealed[..] {
             groups.entry(effect(concealed)).or_default().push(m);
         }

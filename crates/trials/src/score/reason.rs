@@ -4,7 +4,7 @@ use alloc::collections::BTreeMap;
 use core::fmt::Write as _;
 
 use super::judge::{Marks, is_it, meets};
-use super::table::has_failed;
+use super::table::{has_failed, is_large};
 use super::verdict::{Finding, Verdict};
 use crate::case::{Answer, Concealed, Level};
 
@@ -105,7 +105,7 @@ pub(super) fn counted(marks: &[Marks]) -> String {
         let column = match m.level {
             Level::L5 => 2,
             Level::L6 | Level::L7 => 3,
-            _ => usize::from(m.size.is_some_and(|s| s >= 1.5)),
+            _ => usize::from(is_large(m)),
         };
         for why in &m.reasons {
             rows.entry(kind(why)).or_default()[column] += 1;

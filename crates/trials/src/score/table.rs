@@ -21,6 +21,11 @@ fn number(x: Option<f64>) -> String {
     x.map_or_else(|| "–".to_string(), |x| format!("{x:.2}"))
 }
 
+/// Whether all that is concealed is large enough to be told with some room: half as large again as what is just seen.
+pub(crate) fn is_large(m: &Marks) -> bool {
+    m.size.is_some_and(|s| s >= 1.5)
+}
+
 /// Bins of sizes.
 pub(crate) const SIZES: [(f64, f64); 6] = [(0.0, 0.75), (0.75, 1.5), (1.5, 3.0), (3.0, 6.0), (6.0, 12.0), (12.0, f64::INFINITY)];
 
@@ -28,11 +33,11 @@ pub(crate) const SIZES: [(f64, f64); 6] = [(0.0, 0.75), (0.75, 1.5), (1.5, 3.0),
 pub(crate) fn tallies(marks: &[Marks]) -> Vec<Tally> {
     let mut out = vec![tally("all", marks, |_| true)];
     for (label, most) in [("L2 and L3, size 1.5 and more", f64::INFINITY), ("L2 and L3, size 1.5 to 3", 3.0)] {
-        out.push(tally(label, marks, |m| [Level::L2, Level::L3].contains(&m.level) && m.size.is_some_and(|s| s >= 1.5 && s < most)));
+        out.push(tally(label, marks, |m| [Level::L2, Level::L3].contains(&m.level) && is_large(m) && m.size.is_some_and(|s| s < most)));
     }
-    let is_large = |m: &Marks| m.level <= Level::L4 && m.size.is_some_and(|s| s >= 1.5);
-    out.push(tally("L0 to L4, size 1.5 and more", marks, is_large));
-    out.push(tally("of these, where something is said", marks, |m| is_large(m) && m.is_detected));
+    let is_counted = |m: &Marks| m.level <= Level::L4 && is_large(m);
+    out.push(tally("L0 to L4, size 1.5 and more", marks, is_counted));
+    out.push(tally("of these, where something is said", marks, |m| is_counted(m) && m.is_detected));
     out.extend(Level::ALL.map(|l| tally(&format!("{l:?}"), marks, move |m| m.level == l)));
     for (low, high) in SIZES {
         let label = if high.is_finite() { format!("size {low} to {high}") } else { format!("size {low} and more") };
