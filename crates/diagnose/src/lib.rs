@@ -28,6 +28,7 @@ mod extents;
 mod final_fit;
 mod gate;
 mod gram;
+mod hands;
 mod held;
 mod idle;
 mod integrity;
