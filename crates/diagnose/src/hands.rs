@@ -53,11 +53,13 @@ pub(crate) fn places(work: &Work, scatter: &Scatter) -> Vec<(usize, f64, f64)> {
 /// How probable it is that drives which scatter each on its own look as much like one force on a link as these do; one where the robot cannot be followed.
 pub(crate) fn chance_alone(work: &Work, scatter: &Scatter, settings: &Settings) -> f64 {
     let all = contrasts(scatter);
-    let kept: Vec<&(usize, Vec<usize>)> = all.iter().step_by(all.len().div_ceil(ROWS).max(1)).collect();
-    let rows: Vec<(usize, usize)> = kept.iter().filter_map(|(s, same)| Some((*s, *same.last()?))).collect();
-    let of_drive = |j: usize| kept.iter().map(|(s, same)| contrast(same, |i| felt(work, scatter, j, (*s, i)))).collect();
+    let kept: Vec<Contrast> = all.iter().copied().step_by(all.len().div_ceil(ROWS).max(1)).collect();
+    let same = |c: &Contrast| &scatter.alike[c.segment][c.instant][..c.periods];
+    let rows: Vec<(usize, usize)> = kept.iter().filter_map(|c| Some((c.segment, *same(c).last()?))).collect();
+    let of_drive = |j: usize| kept.iter().map(|c| contrast(same(c), |i| felt(work, scatter, j, (c.segment, i)))).collect();
     let series: Vec<Vec<f64>> = (0..work.robot.model.n_act()).map(of_drive).collect();
-    let starts: Vec<usize> = (1..kept.len()).filter(|&i| (kept[i].0, kept[i].1.len()) != (kept[i - 1].0, kept[i - 1].1.len())).collect();
+    let run = |c: &Contrast| (c.segment, c.periods);
+    let starts: Vec<usize> = (1..kept.len()).filter(|&i| run(&kept[i]) != run(&kept[i - 1])).collect();
     let points = points(work);
     let mut together = Together::new(&series, &starts, points.len(), (settings.null_runs, settings.seed));
     let is_closed = along(work, &rows, &mut |data, row| {
@@ -66,13 +68,20 @@ pub(crate) fn chance_alone(work: &Work, scatter: &Scatter, settings: &Settings) 
     if is_closed { together.chance() } else { 1.0 }
 }
 
-/// Segment, and rows of one instant up to some period, by period and then by instant.
-fn contrasts(scatter: &Scatter) -> Vec<(usize, Vec<usize>)> {
-    let of_segment = |(s, instants): (usize, &Vec<Vec<usize>>)| {
+/// An instant of the motion in the last of so many periods, against those before it.
+#[derive(Clone, Copy)]
+struct Contrast {
+    segment: usize,
+    instant: usize,
+    periods: usize,
+}
+
+/// All of them, by segment, period and then instant.
+fn contrasts(scatter: &Scatter) -> Vec<Contrast> {
+    let of_segment = |(segment, instants): (usize, &Vec<Vec<usize>>)| {
         let most = instants.iter().map(Vec::len).max().unwrap_or(0);
-        let up_to =
-            |periods: usize| instants.iter().filter(move |same| same.len() >= periods).map(move |same| (s, same[..periods].to_vec()));
-        (2..=most).flat_map(up_to).collect::<Vec<_>>()
+        let that_have = |periods: usize| (0..instants.len()).filter(move |&i| instants[i].len() >= periods);
+        (2..=most).flat_map(|periods| that_have(periods).map(move |instant| Contrast { segment, instant, periods })).collect::<Vec<_>>()
     };
     scatter.alike.iter().enumerate().flat_map(of_segment).collect()
 }

@@ -27,7 +27,7 @@ pub(crate) struct Together<'a> {
 }
 
 impl<'a> Together<'a> {
-    /// From the scatter of all drives, `[drive][row]`, cut at the rows `starts` where recordings begin.
+    /// From the scatter of all drives, `[drive][row]`, cut at the rows `starts`, in order, where others begin that do not follow on those before.
     pub(crate) fn new(scatter: &'a [Vec<f64>], starts: &[usize], points: usize, (runs, seed): (usize, u64)) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let truth = scatter.iter().map(|y| vec![false; y.len()]).collect();
@@ -84,7 +84,7 @@ fn flips(y: &[f64], starts: &[usize], rng: &mut ChaCha8Rng) -> Vec<bool> {
     let mut out = Vec::with_capacity(y.len());
     let mut is_flipped = false;
     for (i, x) in y.iter().enumerate() {
-        if i == 0 || starts.contains(&i) || (*x < 0.0) != (y[i - 1] < 0.0) {
+        if i == 0 || starts.binary_search(&i).is_ok() || (*x < 0.0) != (y[i - 1] < 0.0) {
             is_flipped = rng.random::<bool>();
         }
         out.push(is_flipped);
