@@ -57,7 +57,7 @@ pub(crate) fn long(only: &[&str]) -> Result<(), String> {
 }
 
 /// Seed of the blind trials; a run that is to be published has one that nobody has looked at.
-const SEED: &str = "9308";
+const SEED: &str = "9309";
 
 /// The blind trials of docs/PROOF.md in full: 300 healthy robots, 100 with two effects, 100 with physics outside the catalogue, 500 at L2 and L3 of
 /// which 200 have size 2. A run that was stopped goes on; cases stay when the commit is another, verdicts do not.
